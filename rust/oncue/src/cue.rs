@@ -1,0 +1,65 @@
+//! What the artist asks for: g_init and the cues Φ (LAMA, section 3.1).
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use crate::math::Planar;
+
+/// The action types of the controller (LAMA, a^type; section 3.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActionType {
+    Walk,
+    Sit,
+    Stop,
+}
+
+impl ActionType {
+    pub const ALL: [ActionType; 3] = [ActionType::Walk, ActionType::Sit, ActionType::Stop];
+}
+
+/// g_init: where the character stands at frame 0 and faces.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct InitialState {
+    /// The name the artist gave it, for messages.
+    pub name: String,
+    /// World, metres; z is the floor that the character stands on.
+    pub position: Vec3,
+    /// Radians; see [`Planar`].
+    pub yaw: f32,
+}
+
+impl InitialState {
+    pub fn planar(&self) -> Planar {
+        Planar::new(self.position.truncate(), self.yaw)
+    }
+}
+
+/// φ_A = {q_root, r_root, q_lFoot, q_rFoot}: how the motion is to end.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ActionCue {
+    /// The name the artist gave it, for messages.
+    pub name: String,
+    /// [`ActionType::Sit`] or [`ActionType::Stop`].
+    pub action_type: ActionType,
+    /// q_root: where the pelvis joint ends, world, metres. For a stop only x and y count.
+    pub position: Vec3,
+    /// r_root's part about the vertical: the facing at the end, radians; see [`Planar`].
+    pub yaw: f32,
+    /// Optional places of the left and the right foot (ankle's projection on the ground; z is the floor there), world, metres.
+    #[serde(default)]
+    pub feet: [Option<Vec3>; 2],
+}
+
+impl ActionCue {
+    pub fn planar(&self) -> Planar {
+        Planar::new(self.position.truncate(), self.yaw)
+    }
+}
+
+/// One task: a start and what follows it. Today one cue; the list leaves room for chains.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Task {
+    pub start: InitialState,
+    pub cue: ActionCue,
+}

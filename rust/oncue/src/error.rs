@@ -1,0 +1,43 @@
+//! One variant per thing that a user can act on.
+//!
+//! Every message is a sentence for an artist: it names the object, the file or the value.
+
+use std::path::PathBuf;
+
+/// Everything that can go wrong in the core.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A cue, a start or a setting that cannot be met as given.
+    #[error("{0}")]
+    Input(String),
+    /// Nothing in the scene or the library could fulfil the task; the sentence says why.
+    #[error("{0}")]
+    Unreachable(String),
+    /// A motion capture file that stays unreadable.
+    #[error("{file}: {reason}")]
+    MocapFile { file: PathBuf, reason: String },
+    /// A file made by Oncue (library, policy, manifold) that is damaged, too new or of another kind.
+    #[error("{file}: {reason}")]
+    DataFile { file: PathBuf, reason: String },
+    /// The operating system refused a file.
+    #[error("{file}: {source}")]
+    Io { file: PathBuf, source: std::io::Error },
+    /// The user asked to stop.
+    #[error("Cancelled.")]
+    Cancelled,
+}
+
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// An [`Error::Input`] from anything printable.
+    pub fn input(sentence: impl Into<String>) -> Self {
+        Self::Input(sentence.into())
+    }
+
+    /// An [`Error::Io`] for `file`.
+    pub fn io(file: impl Into<PathBuf>, source: std::io::Error) -> Self {
+        Self::Io { file: file.into(), source }
+    }
+}

@@ -1,0 +1,26 @@
+//! LAMA (*Locomotion-Action-Manipulation*, Lee & Joo, ICCV 2023) on two CPU cores.
+//!
+//! ```text
+//! .bvh files, starter ──► library::MotionLibrary ──► library::feature ──► search k*
+//! meshes ──► scene::SceneIndex (ρ, distance field, g_occ, clear paths)
+//! start, cues ──► cue::Task
+//!                     │
+//!   controller::optimize_policy:  A(s_t) ─► a_t ─► S(m_t, a_t) ─► m_{t+1}   (PPO over motion matching)
+//!                     │
+//!                 motion::Motion ──► metrics, report
+//! ```
+//!
+//! One space everywhere, Blender's: right-handed, Z up, metres, quaternions w first at the borders.
+
+pub mod cue;
+pub mod error;
+pub mod library;
+pub mod math;
+pub mod motion;
+pub mod progress;
+
+pub use cue::{ActionCue, ActionType, InitialState, Task};
+pub use error::{Error, Result};
+pub use library::MotionLibrary;
+pub use motion::{Motion, Posture};
+pub use progress::Progress;

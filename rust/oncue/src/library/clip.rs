@@ -1,0 +1,91 @@
+//! Clips, their labelled segments, and the library that holds them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::motion::Motion;
+
+/// What happens in a stretch of motion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActionLabel {
+    /// Locomotion on the feet: any direction, turns included, on the spot too.
+    Walk,
+    /// Standing, feet planted.
+    Idle,
+    /// From standing or the last steps down to the seat.
+    Sit,
+    /// Sitting still.
+    SeatedIdle,
+    /// From the seat to standing.
+    StandUp,
+    /// From walking to standing still.
+    Stop,
+    /// Anything else (run, crouch, lie, carry, jump): kept in the file, not matched.
+    Other,
+}
+
+impl ActionLabel {
+    pub const ALL: [ActionLabel; 7] =
+        [Self::Walk, Self::Idle, Self::Sit, Self::SeatedIdle, Self::StandUp, Self::Stop, Self::Other];
+}
+
+/// Frames `first..end` of a clip, with what happens in them. Segments of a clip do not overlap.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Segment {
+    pub label: ActionLabel,
+    pub first: usize,
+    pub end: usize,
+    /// The frame (in the clip) where the action is complete: seated, risen, or standing still.
+    /// For labels that complete nothing, `end - 1`.
+    pub complete: usize,
+}
+
+/// Where a clip came from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    /// Made by [`super::starter`]; shown as "procedural".
+    Procedural,
+    /// Read from a motion capture file.
+    Mocap,
+}
+
+/// One clip: motion on the unified skeleton, floor at z = 0.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Clip {
+    /// File stem or procedural name; mirrored copies end in " (mirrored)".
+    pub name: String,
+    pub source: Source,
+    pub mirrored: bool,
+    pub motion: Motion,
+    pub segments: Vec<Segment>,
+}
+
+impl Clip {
+    /// The copy with left and right exchanged.
+    pub fn mirror(&self) -> Clip {
+        Clip {
+            name: format!("{} (mirrored)", self.name),
+            source: self.source,
+            mirrored: !self.mirrored,
+            motion: Motion {
+                postures: self.motion.postures.iter().map(|p| p.mirrored()).collect(),
+                contacts: self.motion.contacts.iter().map(|&[l, r]| [r, l]).collect(),
+            },
+            segments: self.segments.clone(),
+        }
+    }
+}
+
+/// A set of clips to match against.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct MotionLibrary {
+    pub clips: Vec<Clip>,
+}
+
+impl MotionLibrary {
+    /// Total frames over all clips.
+    pub fn frame_count(&self) -> usize {
+        self.clips.iter().map(|c| c.motion.len()).sum()
+    }
+}
