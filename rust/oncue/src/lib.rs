@@ -17,6 +17,7 @@ pub mod error;
 pub mod library;
 pub mod math;
 pub mod motion;
+pub mod nn;
 pub mod progress;
 
 pub use cue::{ActionCue, ActionType, InitialState, Task};

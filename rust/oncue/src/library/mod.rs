@@ -5,5 +5,7 @@
 //! [`search`] make them matchable.
 
 pub mod clip;
+pub mod feature;
+pub mod search;
 
 pub use clip::{ActionLabel, Clip, MotionLibrary, Segment, Source};
