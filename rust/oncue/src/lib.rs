@@ -19,6 +19,7 @@ pub mod math;
 pub mod motion;
 pub mod nn;
 pub mod progress;
+pub mod scene;
 
 pub use cue::{ActionCue, ActionType, InitialState, Task};
 pub use error::{Error, Result};

@@ -1,0 +1,293 @@
+//! The way along the clear floor to a cue: what r_pos measures, and where its path leads next.
+//!
+//! Travel times from the cue are marched over the occupancy grid, where a metre costs more the less room there
+//! is, so that the quickest way leads through the middle of doors. A seat is occupied itself: its way ends at
+//! approach points in front of it, and the rest is the straight line to the seat.
+
+use glam::Vec2;
+
+use super::SceneIndex;
+use super::eikonal::TravelTimes;
+use super::raster::Raster;
+use super::settings::SceneSettings;
+use crate::cue::{ActionCue, ActionType};
+
+/// Approach points lie so far from the pelvis target, metres: from where a person begins to sit down, to a step before.
+const APPROACH: (f32, f32) = (0.45, 0.75);
+/// And within this angle of the facing, degrees.
+const APPROACH_ANGLE: f32 = 100.0;
+/// Angle between neighbouring approach points, degrees.
+const APPROACH_STEP: f32 = 10.0;
+/// What an approach from `APPROACH_ANGLE` costs over one from the front, metres.
+const SIDE_COST: f32 = 0.3;
+/// What an approach over an armrest costs, metres.
+const ARMREST_COST: f32 = 0.4;
+/// Room that an approach point should have; less is taken where there is no such point.
+const APPROACH_CLEARANCE: f32 = 0.17;
+/// Cost of a metre at `narrow_clearance` and at `blocked_clearance`; 1 in free space.
+const NARROW_COST: f32 = 3.0;
+const BLOCKED_COST: f32 = 15.0;
+/// How far into the blocked band and into furniture times are known, metres: a start close to a wall gets out.
+const BAND: f32 = 0.4;
+
+/// A place to stand before sitting down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ApproachPoint {
+    /// World, metres.
+    pub position: Vec2,
+    /// Angle from the facing direction, radians, left positive.
+    pub angle: f32,
+    /// What it costs beyond its distance to the seat, metres.
+    pub cost: f32,
+}
+
+/// Travel times and lengths of the clear ways from everywhere to one cue.
+#[derive(Debug, Clone)]
+pub struct ClearPath {
+    raster: Raster,
+    goal: Vec2,
+    approach: Vec<ApproachPoint>,
+    times: TravelTimes,
+}
+
+impl ClearPath {
+    /// The ways to `cue`. Nothing is reached (all infinite) when the cue has no free place before it.
+    pub fn to_cue(scene: &SceneIndex, cue: &ActionCue) -> ClearPath {
+        let grid = scene.occupancy();
+        let raster = grid.raster;
+        let settings = scene.settings();
+        let goal = cue.position.truncate();
+        let approach = match cue.action_type {
+            ActionType::Sit => approach_points(scene, cue),
+            _ => vec![ApproachPoint { position: goal, angle: 0.0, cost: 0.0 }],
+        };
+        let mut times = TravelTimes::unreached(&raster);
+        let clearance = grid.clearance_cells();
+        let free = |i: usize| clearance[i] >= settings.blocked_clearance;
+        for point in &approach {
+            let rest = point.position.distance(goal);
+            for i in near(&raster, point.position, 1.6 * raster.cell) {
+                let extra = raster.center(i).distance(point.position);
+                if grid.walkable_cells()[i] {
+                    times.offer(i, rest + point.cost + extra, rest + extra);
+                }
+            }
+        }
+        times.march(
+            &raster,
+            |i| if free(i) { cost(clearance[i], settings) } else { f32::INFINITY },
+            f32::INFINITY,
+        );
+        if cue.action_type == ActionType::Sit {
+            let facing = cue.planar().heading();
+            for i in near(&raster, goal, APPROACH.1) {
+                let away = raster.center(i) - goal;
+                let angle = angle_from(facing, away);
+                // On the seat, and between the seat and an approach point, the straight line counts.
+                let by = approach
+                    .iter()
+                    .filter(|a| {
+                        (a.angle - angle).abs() <= 0.6 * APPROACH_STEP.to_radians() || away.length() < 0.3
+                    })
+                    .map(|a| a.cost)
+                    .min_by(f32::total_cmp);
+                if let Some(cost) = by {
+                    times.offer(i, away.length() + cost, away.length());
+                }
+            }
+        }
+        // Out of the band where there is too little room, and out of what is occupied, but never through it
+        // into other free space.
+        let walkable = grid.walkable_cells();
+        times.march(&raster, |i| if walkable[i] && !free(i) { BLOCKED_COST } else { f32::INFINITY }, BAND);
+        times.march(&raster, |i| if walkable[i] { f32::INFINITY } else { 2.0 * BLOCKED_COST }, BAND);
+        Self { raster, goal, approach, times }
+    }
+
+    /// Metres along the clear floor from `xy` to the cue (for a seat, the straight rest from the approach point
+    /// included); infinite where no way leads. Bilinear between the cells.
+    pub fn distance(&self, xy: Vec2) -> f32 {
+        self.value(&self.times.length, xy)
+    }
+
+    /// As [`ClearPath::distance`], with every metre weighted by how little room it has: continuous everywhere, and
+    /// falling along [`ClearPath::path`].
+    pub fn effort(&self, xy: Vec2) -> f32 {
+        self.value(&self.times.time, xy)
+    }
+
+    /// The cue's place on the floor plane.
+    pub fn goal(&self) -> Vec2 {
+        self.goal
+    }
+
+    /// Where one can stand before sitting down, from right to left; for a stop the place itself.
+    pub fn approach_points(&self) -> &[ApproachPoint] {
+        &self.approach
+    }
+
+    /// The approach point that the way from `from` ends at; `None` where no way leads.
+    pub fn approach_from(&self, from: Vec2) -> Option<ApproachPoint> {
+        let end = *self.path(from).last()?;
+        self.approach
+            .iter()
+            .copied()
+            .min_by(|a, b| a.position.distance_squared(end).total_cmp(&b.position.distance_squared(end)))
+    }
+
+    /// The point `distance` metres further along the clear path; the path's end where it is shorter, and `xy`
+    /// itself where no way leads.
+    pub fn point_ahead(&self, xy: Vec2, distance: f32) -> Vec2 {
+        let mut left = distance;
+        let mut last = xy;
+        self.follow(xy, |point| {
+            let step = point.distance(last);
+            if step >= left {
+                last = last.lerp(point, left / step);
+                return false;
+            }
+            left -= step;
+            last = point;
+            true
+        });
+        last
+    }
+
+    /// The clear path from `from` to the cue's approach point (a stop's place): points about half a cell apart,
+    /// `from` first. Empty where no way leads.
+    pub fn path(&self, from: Vec2) -> Vec<Vec2> {
+        if !self.effort(from).is_finite() {
+            return Vec::new();
+        }
+        let mut points = vec![from];
+        self.follow(from, |point| {
+            points.push(point);
+            true
+        });
+        points
+    }
+
+    fn value(&self, values: &[f32], xy: Vec2) -> f32 {
+        match self.raster.index_at(xy) {
+            Some(i) if values[i].is_finite() => self.raster.bilinear(values, xy).unwrap_or(f32::INFINITY),
+            _ => f32::INFINITY,
+        }
+    }
+
+    /// Steepest descent of the travel time, to the approach point; `visit` returns false to stop.
+    fn follow(&self, from: Vec2, mut visit: impl FnMut(Vec2) -> bool) {
+        let step = 0.5 * self.raster.cell;
+        let mut here = from;
+        let mut time = self.effort(here);
+        if !time.is_finite() {
+            return;
+        }
+        // Every step lowers the time, so this ends; the bound is for rounding.
+        for _ in 0..8 * self.raster.len() {
+            if let Some(end) =
+                self.approach.iter().map(|a| a.position).find(|p| p.distance(here) <= self.raster.cell)
+            {
+                visit(end);
+                return;
+            }
+            let mut next = here + step * self.descent(here);
+            let mut next_time = self.effort(next);
+            if next_time >= time {
+                // In a fold of the surface: over to the best cell around.
+                let Some(i) = self.lowest_around(here) else { return };
+                next = self.raster.center(i);
+                next_time = self.times.time[i];
+                if next_time >= time {
+                    return;
+                }
+            }
+            if !visit(next) {
+                return;
+            }
+            (here, time) = (next, next_time);
+        }
+    }
+
+    /// Unit vector down the travel time; zero where it is flat.
+    fn descent(&self, at: Vec2) -> Vec2 {
+        let h = 0.5 * self.raster.cell;
+        let here = self.effort(at);
+        let slope = |d: Vec2| {
+            let (a, b) = (self.effort(at + d), self.effort(at - d));
+            match (a.is_finite(), b.is_finite()) {
+                (true, true) => 0.5 * (a - b),
+                (true, false) => a - here,
+                (false, true) => here - b,
+                (false, false) => 0.0,
+            }
+        };
+        -Vec2::new(slope(Vec2::X * h), slope(Vec2::Y * h)).normalize_or_zero()
+    }
+
+    fn lowest_around(&self, at: Vec2) -> Option<usize> {
+        near(&self.raster, at, 1.6 * self.raster.cell)
+            .filter(|&i| self.times.time[i].is_finite())
+            .min_by(|&a, &b| self.times.time[a].total_cmp(&self.times.time[b]))
+    }
+}
+
+/// Cost of a metre with so much room: 1 in free space, rising smoothly to `NARROW_COST`, then steeply.
+fn cost(clearance: f32, settings: &SceneSettings) -> f32 {
+    let part = |from: f32, to: f32| ((to - clearance) / (to - from)).clamp(0.0, 1.0);
+    let tight = part(settings.narrow_clearance, settings.free_clearance);
+    let blocked = part(settings.blocked_clearance, settings.narrow_clearance);
+    1.0 + (NARROW_COST - 1.0) * tight * tight + (BLOCKED_COST - NARROW_COST) * blocked
+}
+
+/// Signed angle from the heading to a direction, radians in (-π, π], left positive.
+fn angle_from(heading: f32, direction: Vec2) -> f32 {
+    Vec2::from_angle(heading).angle_to(direction)
+}
+
+/// Cells whose centre lies within `radius` of a place, ascending.
+fn near(raster: &Raster, place: Vec2, radius: f32) -> impl Iterator<Item = usize> {
+    let raster = *raster;
+    let cells = (radius / raster.cell).ceil() as i64;
+    let middle = ((place - raster.origin) / raster.cell).floor();
+    let (mx, my) = (middle.x as i64, middle.y as i64);
+    (my - cells..=my + cells)
+        .flat_map(move |y| (mx - cells..=mx + cells).map(move |x| (x, y)))
+        .filter(move |&(x, y)| x >= 0 && y >= 0 && x < raster.width as i64 && y < raster.height as i64)
+        .map(move |(x, y)| x as usize + raster.width * y as usize)
+        .filter(move |&i| raster.center(i).distance(place) <= radius)
+}
+
+/// In each direction before the seat the nearest place to stand with nothing tall between it and the seat.
+fn approach_points(scene: &SceneIndex, cue: &ActionCue) -> Vec<ApproachPoint> {
+    let settings = scene.settings();
+    let with_room = |room: f32| -> Vec<ApproachPoint> {
+        let steps = (APPROACH_ANGLE / APPROACH_STEP) as i32;
+        (-steps..=steps)
+            .filter_map(|i| approach_at(scene, cue, (i as f32 * APPROACH_STEP).to_radians(), room))
+            .collect()
+    };
+    let points = with_room(APPROACH_CLEARANCE.max(settings.blocked_clearance));
+    if points.is_empty() { with_room(settings.blocked_clearance) } else { points }
+}
+
+fn approach_at(scene: &SceneIndex, cue: &ActionCue, angle: f32, room: f32) -> Option<ApproachPoint> {
+    let goal = cue.position.truncate();
+    let direction = Vec2::from_angle(cue.planar().heading() + angle);
+    let grid = scene.occupancy();
+    let steps = ((APPROACH.1 - APPROACH.0) / 0.025).round() as i32;
+    let position = (0..=steps)
+        .map(|i| goal + direction * (APPROACH.0 + 0.025 * i as f32))
+        .find(|&p| grid.is_walkable(p) && grid.clearance(p) >= room)?;
+    // What stands between the person and the seat at a height, up to the person's back on the seat.
+    let between = |z: f32| {
+        let way = position.distance(goal) - 0.15;
+        scene.ray(position.extend(z), -direction.extend(0.0), way).is_some()
+    };
+    let chest = (cue.position.z + 0.45).max(scene.floor_height() + 1.0);
+    if between(chest) {
+        return None;
+    }
+    let side = SIDE_COST * (1.0 - angle.cos()) / (1.0 - APPROACH_ANGLE.to_radians().cos());
+    let armrest = if between(cue.position.z + 0.12) { ARMREST_COST } else { 0.0 };
+    Some(ApproachPoint { position, angle, cost: side + armrest })
+}

@@ -1,0 +1,202 @@
+//! A conservative distance field: how far from a point there is certainly nothing.
+//!
+//! The cells that a triangle passes through are marked exactly (the triangle is cut by the cells' planes), and
+//! every cell learns the least distance between any of its points and any marked cell, up to [`REACH`] cells.
+//! What lies under the floor's carpet height is left out, so that feet and shins are ruled out as well; whoever
+//! asks has to know that (see [`DistanceField::lower_bound`]).
+
+use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
+
+use glam::{IVec3, Vec3};
+use rayon::prelude::*;
+
+use super::polygon::Polygon;
+use crate::error::Result;
+use crate::progress::Progress;
+
+/// Distances are kept up to so many cells: with 5 cm, 0.6 m, more than any box of the body reaches.
+const REACH: i32 = 12;
+/// Steps of the stored distance in one cell: `REACH * STEPS` fits a byte.
+const STEPS: f32 = 20.0;
+
+#[derive(Debug, Clone)]
+pub struct DistanceField {
+    origin: Vec3,
+    cell: f32,
+    size: IVec3,
+    /// World z under which nothing was marked.
+    pub bottom: f32,
+    /// The marked space; outside it there is nothing.
+    bounds: (Vec3, Vec3),
+    /// Lower bound of the distance in `cell / STEPS`, x fastest.
+    steps: Vec<u8>,
+}
+
+impl DistanceField {
+    /// `bounds` hold all triangles; what is lower than `bottom` is left out.
+    pub fn build(
+        triangles: &[[Vec3; 3]],
+        bounds: (Vec3, Vec3),
+        bottom: f32,
+        cell: f32,
+        max_cells: usize,
+        progress: &Progress,
+    ) -> Result<Self> {
+        let (lo, hi) = (bounds.0.with_z(bottom.min(bounds.1.z)), bounds.1);
+        let cells = |cell: f32| ((hi - lo) / cell).floor().as_dvec3() + 1.0;
+        let mut cell = cell;
+        while cells(cell).element_product() > max_cells as f64 {
+            cell *= 1.1;
+        }
+        let size = cells(cell).as_ivec3();
+        let field = Self { origin: lo, cell, size, bottom, bounds: (lo, hi), steps: Vec::new() };
+        let marked = field.mark(triangles, progress)?;
+        progress.check()?;
+        Ok(Self { steps: field.spread(marked, progress)?, ..field })
+    }
+
+    /// No triangle higher than `bottom` is nearer to `point` than this, metres; 0 where one may be.
+    #[inline]
+    pub fn lower_bound(&self, point: Vec3) -> f32 {
+        let inside = point.clamp(self.bounds.0, self.bounds.1);
+        let outside = (point - inside).length();
+        if outside > 0.0 {
+            // From outside the box around everything: the way to the box.
+            return outside;
+        }
+        let c = ((inside - self.origin) / self.cell).as_ivec3().min(self.size - 1).max(IVec3::ZERO);
+        f32::from(self.steps[self.index(c)]) * (self.cell / STEPS)
+    }
+
+    pub fn memory(&self) -> usize {
+        self.steps.len()
+    }
+
+    #[inline(always)]
+    fn index(&self, c: IVec3) -> usize {
+        (c.x + self.size.x * (c.y + self.size.y * c.z)) as usize
+    }
+
+    /// 0 in every cell that a triangle higher than `bottom` passes through, 255 elsewhere.
+    fn mark(&self, triangles: &[[Vec3; 3]], progress: &Progress) -> Result<Vec<u8>> {
+        let count = self.size.as_i64vec3().element_product() as usize;
+        let mut cells: Vec<AtomicU8> = Vec::with_capacity(count);
+        cells.resize_with(count, || AtomicU8::new(u8::MAX));
+        triangles.par_chunks(8192).try_for_each(|chunk| {
+            progress.check()?;
+            for triangle in chunk {
+                // Stores of the same value: the order of the threads does not matter.
+                self.pass_through(triangle, |c| cells[self.index(c)].store(0, Relaxed));
+            }
+            Ok(())
+        })?;
+        Ok(cells.into_iter().map(AtomicU8::into_inner).collect())
+    }
+
+    fn cell_range(&self, axis: usize, from: f32, to: f32) -> (i32, i32) {
+        // A little wider than the triangle: rounding must not lose a cell.
+        let pad = 1e-3;
+        let at = |x: f32, pad: f32| ((x - self.origin[axis]) / self.cell + pad).floor() as i32;
+        (at(from, -pad).clamp(0, self.size[axis] - 1), at(to, pad).clamp(0, self.size[axis] - 1))
+    }
+
+    fn pass_through(&self, triangle: &[Vec3; 3], mut visit: impl FnMut(IVec3)) {
+        let mut polygon = Polygon::new(triangle);
+        let (mut lo, mut hi) = polygon.bounds();
+        if hi.z < self.bottom {
+            return;
+        }
+        if lo.z < self.bottom {
+            polygon = polygon.clip(2, self.bottom, f32::INFINITY);
+            if polygon.is_empty() {
+                return;
+            }
+            (lo, hi) = polygon.bounds();
+        }
+        let ranges = [0, 1, 2].map(|axis| self.cell_range(axis, lo[axis], hi[axis]));
+        let spans = ranges.iter().filter(|(a, b)| a != b).count();
+        let [(x0, x1), (y0, y1), (z0, z1)] = ranges;
+        if spans <= 1 {
+            // A run along one axis: all of it.
+            for z in z0..=z1 {
+                for y in y0..=y1 {
+                    (x0..=x1).for_each(|x| visit(IVec3::new(x, y, z)));
+                }
+            }
+            return;
+        }
+        let slab = |polygon: &Polygon, axis: usize, i: i32| {
+            let from = self.origin[axis] + i as f32 * self.cell;
+            let pad = 1e-3 * self.cell;
+            polygon.clip(axis, from - pad, from + self.cell + pad)
+        };
+        for z in z0..=z1 {
+            let layer = slab(&polygon, 2, z);
+            if layer.is_empty() {
+                continue;
+            }
+            let (lo, hi) = layer.bounds();
+            let (y0, y1) = self.cell_range(1, lo.y, hi.y);
+            for y in y0..=y1 {
+                let row = slab(&layer, 1, y);
+                if row.is_empty() {
+                    continue;
+                }
+                let (lo, hi) = row.bounds();
+                let (x0, x1) = self.cell_range(0, lo.x, hi.x);
+                (x0..=x1).for_each(|x| visit(IVec3::new(x, y, z)));
+            }
+        }
+    }
+
+    /// From marks to distances: the squared distance between two cells, Σ max(|Δ| − 1, 0)², is a sum over the axes,
+    /// so its minimum is found one axis after the other.
+    fn spread(&self, marked: Vec<u8>, progress: &Progress) -> Result<Vec<u8>> {
+        let (nx, ny, nz) = (self.size.x as usize, self.size.y as usize, self.size.z as usize);
+        let far = (REACH * REACH) as u8;
+        let square = |d: i32| ((d.abs() - 1).max(0) as u32).pow(2).min(u32::from(far)) as u8;
+        // Along x: the nearest mark on either side.
+        let mut rows = marked;
+        rows.par_chunks_mut(nx).for_each(|row| {
+            let mut distance = vec![REACH + 1; nx];
+            let mut last = REACH + 1;
+            for (d, &m) in distance.iter_mut().zip(row.iter()) {
+                last = if m == 0 { 0 } else { (last + 1).min(REACH + 1) };
+                *d = last;
+            }
+            last = REACH + 1;
+            for (d, m) in distance.iter_mut().zip(row.iter_mut()).rev() {
+                last = if *m == 0 { 0 } else { (last + 1).min(REACH + 1) };
+                *m = square((*d).min(last));
+            }
+        });
+        progress.check()?;
+        // Along y, then z: the least of the neighbours' values plus the step between them, whole rows at a time.
+        let slices =
+            |input: &[u8], stride: usize, length: usize, position: &(dyn Fn(usize) -> usize + Sync)| {
+                let mut out = vec![far; input.len()];
+                out.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
+                    let at = position(row) as i32;
+                    for d in -REACH..=REACH {
+                        if at + d < 0 || at + d >= length as i32 {
+                            continue;
+                        }
+                        let first = (row * nx) as i64 + i64::from(d) * stride as i64;
+                        let from = &input[first as usize..first as usize + nx];
+                        let step = square(d);
+                        for (o, &f) in out.iter_mut().zip(from) {
+                            *o = (*o).min(f.saturating_add(step));
+                        }
+                    }
+                });
+                out
+            };
+        let rows = slices(&rows, nx, ny, &|row| row % ny);
+        progress.check()?;
+        let mut steps = slices(&rows, nx * ny, nz, &|row| row / ny);
+        progress.check()?;
+        let table: Vec<u8> = (0..=255u32).map(|s| (f64::from(s).sqrt() * f64::from(STEPS)) as u8).collect();
+        steps.par_chunks_mut(nx).for_each(|row| row.iter_mut().for_each(|s| *s = table[usize::from(*s)]));
+        Ok(steps)
+    }
+}

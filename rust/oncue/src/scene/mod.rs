@@ -1,0 +1,182 @@
+//! The scene W: where its triangles are, what a body touches, and where one can walk.
+//!
+//! [`SceneIndex`] answers from three structures: the [`triangle_tree`] (ρ(b, W), rays), the [`distance_field`]
+//! that rules most of the tree out, and the [`occupancy`] grid g_occ with the [`clear_path`]s over it.
+
+mod box_edges;
+mod check;
+mod clear_path;
+mod distance_field;
+mod eikonal;
+mod floor;
+mod lanes;
+mod mesh;
+mod occupancy;
+mod polygon;
+mod raster;
+mod settings;
+#[cfg(test)]
+mod tests;
+mod triangle_tree;
+
+pub use check::check_task;
+pub use clear_path::{ApproachPoint, ClearPath};
+pub use occupancy::OccupancyGrid;
+pub use raster::Raster;
+pub use settings::SceneSettings;
+
+use std::cell::RefCell;
+
+use glam::{Quat, Vec2, Vec3};
+
+use crate::error::Result;
+use crate::motion::{BODY_BOXES, BoxNode, Pose};
+use crate::progress::Progress;
+use box_edges::OrientedBox;
+use distance_field::DistanceField;
+use triangle_tree::{Scratch, TriangleTree};
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
+}
+
+/// The scene W, indexed. Immutable, and shared between threads as it is.
+#[derive(Debug)]
+pub struct SceneIndex {
+    settings: SceneSettings,
+    triangle_count: usize,
+    bounds: (Vec3, Vec3),
+    floor_height: f32,
+    tree: TriangleTree,
+    field: DistanceField,
+    occupancy: OccupancyGrid,
+}
+
+impl SceneIndex {
+    /// Indexes triangles (world, metres, Z up). The result does not depend on the number of threads.
+    ///
+    /// Errors: `Input` for an empty or unreadable mesh, naming the triangle; `Cancelled`.
+    pub fn build(
+        positions: &[Vec3],
+        triangles: &[[u32; 3]],
+        settings: &SceneSettings,
+        progress: &Progress,
+    ) -> Result<SceneIndex> {
+        settings.validate()?;
+        progress.stage("Indexing the scene");
+        let corners = mesh::corners(positions, triangles, progress)?;
+        let first = corners[0][0];
+        let bounds = corners.iter().flatten().fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v)));
+        progress.fraction(0.1);
+        let tree = TriangleTree::build(&corners, progress)?;
+        progress.fraction(0.7);
+        let floor_height =
+            settings.floor_height.unwrap_or_else(|| floor::dominant_level(&tree, bounds, settings.headroom));
+        let bottom = floor_height + settings.carpet_height;
+        let field =
+            DistanceField::build(&corners, bounds, bottom, settings.cell_size, settings.max_cells, progress)?;
+        progress.fraction(0.9);
+        let occupancy = OccupancyGrid::build(&corners, bounds, floor_height, settings, progress)?;
+        progress.fraction(1.0);
+        Ok(SceneIndex {
+            settings: settings.clone(),
+            triangle_count: corners.len(),
+            bounds,
+            floor_height,
+            tree,
+            field,
+            occupancy,
+        })
+    }
+
+    pub fn settings(&self) -> &SceneSettings {
+        &self.settings
+    }
+
+    /// Triangles that have an area.
+    pub fn triangle_count(&self) -> usize {
+        self.triangle_count
+    }
+
+    /// Smallest and largest corner of the scene, metres.
+    pub fn bounds(&self) -> (Vec3, Vec3) {
+        self.bounds
+    }
+
+    /// World z of the dominant walkable level.
+    pub fn floor_height(&self) -> f32 {
+        self.floor_height
+    }
+
+    /// World z of the surface that carries a point: the highest one under `near_z`, or up to 2 cm over it.
+    pub fn floor_height_at(&self, xy: Vec2, near_z: f32) -> Option<f32> {
+        let from = near_z + 0.02;
+        let depth = from - self.bounds.0.z + 0.1;
+        (depth > 0.0).then(|| self.tree.ray(xy.extend(from), Vec3::NEG_Z, depth).map(|t| from - t))?
+    }
+
+    /// ρ(b, W) of LAMA, eq. 4: how often the 12 edges of a box node cross a triangle, for its joint at `position`
+    /// (world, metres) with global `rotation`.
+    pub fn intersection_count(&self, node: &BoxNode, position: Vec3, rotation: Quat) -> u32 {
+        let placed = OrientedBox::of_node(node, position, rotation);
+        SCRATCH.with_borrow_mut(|scratch| self.count(&placed, f32::NEG_INFINITY, scratch))
+    }
+
+    /// ρ(b, W) for every node of [`BODY_BOXES`], in its order. Crossings lower than `above` (world z) are not
+    /// counted: the floor and what lies on it.
+    pub fn body_intersections(&self, pose: &Pose, above: f32) -> [u32; BODY_BOXES.len()] {
+        SCRATCH.with_borrow_mut(|scratch| {
+            BODY_BOXES.each_ref().map(|node| {
+                let joint = node.joint.index();
+                let placed = OrientedBox::of_node(node, pose.positions[joint], pose.rotations[joint]);
+                self.count(&placed, above, scratch)
+            })
+        })
+    }
+
+    /// No triangle is nearer to `point` than this, metres: a lower bound up to about 0.5 m, 0 where one may be close.
+    pub fn clearance_lower_bound(&self, point: Vec3) -> f32 {
+        self.field.lower_bound(point).min((point.z - self.field.bottom).max(0.0))
+    }
+
+    /// Distance along `direction` (unit) to the nearest triangle within `max`, metres.
+    pub fn ray(&self, origin: Vec3, direction: Vec3, max: f32) -> Option<f32> {
+        self.tree.ray(origin, direction, max)
+    }
+
+    /// g_occ and the clearance.
+    pub fn occupancy(&self) -> &OccupancyGrid {
+        &self.occupancy
+    }
+
+    /// Bytes held.
+    pub fn memory(&self) -> usize {
+        self.tree.memory() + self.field.memory() + self.occupancy.memory()
+    }
+
+    fn count(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
+        if self.is_clear(placed, above) { 0 } else { self.tree.count(placed, above, scratch) }
+    }
+
+    /// Whether the distance field rules out every crossing that counts.
+    #[inline]
+    fn is_clear(&self, placed: &OrientedBox, above: f32) -> bool {
+        // The field knows nothing of what lies under its bottom: nothing there may count, or the box must not reach it.
+        let lowest = placed.center.z - placed.world_half_extents.z;
+        if above < self.field.bottom && lowest <= self.field.bottom {
+            return false;
+        }
+        // Balls along the longest axis that hold the box: the thinner, the more of the field is usable.
+        let half = placed.half_extents;
+        let axis = half.max_position();
+        let thick = Vec3::new(half[(axis + 1) % 3], half[(axis + 2) % 3], 0.0).length();
+        let balls = if half[axis] > 2.0 * thick { 3 } else { 1 };
+        let part = half[axis] / balls as f32;
+        let radius = part.hypot(thick) + 1e-4;
+        let along = placed.axes.col(axis);
+        (0..balls).all(|i| {
+            let at = (2 * i + 1 - balls) as f32 * part;
+            self.field.lower_bound(placed.center + along * at) >= radius
+        })
+    }
+}

@@ -1,0 +1,493 @@
+//! The scene index against brute force and by hand, on geometry made here.
+
+use glam::{DVec3, Quat, Vec2, Vec3};
+use proptest::prelude::*;
+
+use super::box_edges::{OrientedBox, crossings};
+use super::triangle_tree::{Scratch, TriangleTree};
+use super::*;
+use crate::cue::{ActionCue, ActionType, InitialState, Task};
+use crate::error::Error;
+use crate::motion::skeleton::Limb;
+use crate::motion::{Joint, Posture};
+
+/// A mesh made of boxes and sheets.
+#[derive(Default, Clone)]
+pub struct Mesh {
+    pub positions: Vec<Vec3>,
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Mesh {
+    fn quad(mut self, a: Vec3, b: Vec3, c: Vec3, d: Vec3) -> Self {
+        let n = self.positions.len() as u32;
+        self.positions.extend([a, b, c, d]);
+        self.triangles.extend([[n, n + 1, n + 2], [n, n + 2, n + 3]]);
+        self
+    }
+
+    fn floor(self, lo: Vec2, hi: Vec2, z: f32) -> Self {
+        self.quad(lo.extend(z), Vec3::new(hi.x, lo.y, z), hi.extend(z), Vec3::new(lo.x, hi.y, z))
+    }
+
+    fn solid(self, lo: [f32; 3], hi: [f32; 3]) -> Self {
+        let p =
+            |x: usize, y: usize, z: usize| Vec3::new([lo[0], hi[0]][x], [lo[1], hi[1]][y], [lo[2], hi[2]][z]);
+        self.quad(p(0, 0, 0), p(0, 1, 0), p(1, 1, 0), p(1, 0, 0))
+            .quad(p(0, 0, 1), p(1, 0, 1), p(1, 1, 1), p(0, 1, 1))
+            .quad(p(0, 0, 0), p(1, 0, 0), p(1, 0, 1), p(0, 0, 1))
+            .quad(p(0, 1, 0), p(0, 1, 1), p(1, 1, 1), p(1, 1, 0))
+            .quad(p(0, 0, 0), p(0, 0, 1), p(0, 1, 1), p(0, 1, 0))
+            .quad(p(1, 0, 0), p(1, 1, 0), p(1, 1, 1), p(1, 0, 1))
+    }
+
+    fn build(&self) -> Result<SceneIndex> {
+        SceneIndex::build(&self.positions, &self.triangles, &SceneSettings::default(), &Progress::new())
+    }
+
+    fn corners(&self) -> Vec<[Vec3; 3]> {
+        self.triangles.iter().map(|t| t.map(|i| self.positions[i as usize])).collect()
+    }
+}
+
+/// A 6 × 4 m room with walls, a bench along the far wall and a partition with a door 0.8 m wide.
+fn room() -> Mesh {
+    Mesh::default()
+        .floor(Vec2::ZERO, Vec2::new(6.0, 4.0), 0.0)
+        .solid([-0.1, -0.1, 0.0], [0.0, 4.1, 2.5])
+        .solid([6.0, -0.1, 0.0], [6.1, 4.1, 2.5])
+        .solid([0.0, -0.1, 0.0], [6.0, 0.0, 2.5])
+        .solid([0.0, 4.0, 0.0], [6.0, 4.1, 2.5])
+        .solid([2.9, 0.0, 0.0], [3.0, 1.6, 2.5])
+        .solid([2.9, 2.4, 0.0], [3.0, 4.0, 2.5])
+        .solid([5.55, 1.0, 0.0], [6.0, 3.0, 0.45])
+}
+
+fn sit(x: f32, y: f32, z: f32, heading_degrees: f32) -> ActionCue {
+    ActionCue {
+        name: "Bench".into(),
+        action_type: ActionType::Sit,
+        position: Vec3::new(x, y, z),
+        yaw: (heading_degrees + 90.0).to_radians(),
+        feet: [None; 2],
+    }
+}
+
+fn stop(x: f32, y: f32) -> ActionCue {
+    ActionCue { action_type: ActionType::Stop, name: "There".into(), ..sit(x, y, 0.0, 0.0) }
+}
+
+fn task(start: Vec3, cue: ActionCue) -> Task {
+    Task { start: InitialState { name: "Here".into(), position: start, yaw: 0.0 }, cue }
+}
+
+/// Crossings of a box's edges with a triangle in double precision, from the edges' end points; `None` where one is
+/// too close to call.
+fn reference_crossings(placed: &OrientedBox, t: &[Vec3; 3]) -> Option<u32> {
+    let corner = |i: usize| -> DVec3 {
+        let sign = |bit: usize| if i >> bit & 1 == 1 { 1.0 } else { -1.0 };
+        let h = placed.half_extents.as_dvec3();
+        let a = placed.axes.as_dmat3();
+        placed.center.as_dvec3() + a * DVec3::new(sign(0) * h.x, sign(1) * h.y, sign(2) * h.z)
+    };
+    let [a, b, c] = t.map(|v| v.as_dvec3());
+    let mut count = 0;
+    for i in 0..8usize {
+        for bit in 0..3 {
+            if i >> bit & 1 == 1 {
+                continue;
+            }
+            let (p, q) = (corner(i), corner(i | 1 << bit));
+            // Signed volumes, as lengths over the edge's: the plane is crossed, and the line passes inside.
+            let n = (b - a).cross(c - a).normalize();
+            let (dp, dq) = ((p - a).dot(n), (q - a).dot(n));
+            let d = (q - p).normalize();
+            let side = |u: DVec3, v: DVec3| d.dot((u - p).cross(v - p)) / (v - u).length();
+            let sides = [side(a, b), side(b, c), side(c, a)];
+            let least = sides.iter().chain([&dp, &dq]).map(|s| s.abs()).fold(f64::INFINITY, f64::min);
+            if least < 2e-6 {
+                return None;
+            }
+            let inside = sides.iter().all(|&s| s > 0.0) || sides.iter().all(|&s| s < 0.0);
+            count += u32::from(inside && (dp > 0.0) != (dq > 0.0));
+        }
+    }
+    Some(count)
+}
+
+fn vector(range: std::ops::Range<f32>) -> impl Strategy<Value = Vec3> {
+    prop::array::uniform3(range).prop_map(Vec3::from)
+}
+
+fn placed_box() -> impl Strategy<Value = OrientedBox> {
+    (vector(-1.0..1.0), vector(-3.0..3.0), vector(0.02..0.3))
+        .prop_map(|(center, turn, half)| OrientedBox::new(center, Quat::from_scaled_axis(turn), half))
+}
+
+/// Small, large and thin triangles, and some flat on a plane across an axis, as walls and floors are.
+fn soup() -> impl Strategy<Value = Vec<[Vec3; 3]>> {
+    let triangle = (vector(-1.2..1.2), prop::array::uniform2(vector(-1.0..1.0)), 0.02f32..4.0, 0u8..6)
+        .prop_map(|(at, [u, v], size, kind)| {
+            let mut t = [at, at + u * size, at + v * size];
+            if kind < 3 {
+                t.iter_mut().for_each(|c| c[usize::from(kind)] = at[usize::from(kind)]);
+            }
+            t
+        });
+    prop::collection::vec(triangle, 1..200)
+        .prop_map(|t| t.into_iter().filter(|t| (t[1] - t[0]).cross(t[2] - t[0]).length() > 1e-6).collect())
+}
+
+proptest! {
+    #[test]
+    fn crossings_agree_with_double_precision(placed in placed_box(), soup in soup()) {
+        for t in &soup {
+            if let Some(expected) = reference_crossings(&placed, t) {
+                prop_assert_eq!(crossings(&placed, t, f32::NEG_INFINITY).count_ones(), expected, "{:?}", t);
+            }
+        }
+    }
+
+    #[test]
+    fn the_tree_counts_what_brute_force_counts(soup in soup(), boxes in prop::collection::vec(placed_box(), 1..20), above in -1f32..1.0) {
+        prop_assume!(!soup.is_empty());
+        let tree = TriangleTree::build(&soup, &Progress::new()).unwrap();
+        let mut scratch = Scratch::default();
+        for placed in &boxes {
+            for above in [f32::NEG_INFINITY, above] {
+                let expected: u32 = soup.iter().map(|t| crossings(placed, t, above).count_ones()).sum();
+                prop_assert_eq!(tree.count(placed, above, &mut scratch), expected);
+                prop_assert_eq!(tree.count_portable(placed, above, &mut scratch), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn a_ray_finds_the_nearest_triangle(soup in soup(), origin in vector(-1.5..1.5), direction in vector(-1.0..1.0)) {
+        prop_assume!(!soup.is_empty() && direction.length() > 0.1);
+        let direction = direction.normalize();
+        let tree = TriangleTree::build(&soup, &Progress::new()).unwrap();
+        let mut expected: Vec<f64> = soup.iter().filter_map(|t| {
+            let [a, b, c] = t.map(|v| v.as_dvec3());
+            let (o, d) = (origin.as_dvec3(), direction.as_dvec3());
+            let n = (b - a).cross(c - a);
+            let t = (a - o).dot(n) / d.dot(n);
+            let p = o + d * t;
+            let inside = [(a, b), (b, c), (c, a)].iter().all(|&(u, v)| (v - u).cross(p - u).dot(n) > -1e-7 * n.length());
+            ((0.0..=3.0).contains(&t) && inside).then_some(t)
+        }).collect();
+        expected.sort_by(f64::total_cmp);
+        match (tree.ray(origin, direction, 3.0), expected.first()) {
+            (Some(t), Some(e)) => prop_assert!((f64::from(t) - e).abs() < 1e-4, "{t} {e}"),
+            (None, None) => {}
+            // On a triangle's border, or at the very end of the ray, either answer is right.
+            (Some(t), None) => prop_assert!(t > 2.999, "{t}"),
+            (None, Some(e)) => prop_assert!(*e > 2.999, "{e}"),
+        }
+    }
+
+    #[test]
+    fn the_field_never_promises_too_much(soup in soup(), points in prop::collection::vec(vector(-2.0..2.0), 30)) {
+        prop_assume!(!soup.is_empty());
+        let first = soup[0][0];
+        let bounds = soup.iter().flatten().fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v)));
+        let bottom = -0.3;
+        let field = DistanceField::build(&soup, bounds, bottom, 0.05, 4_000_000, &Progress::new()).unwrap();
+        for p in points {
+            let bound = field.lower_bound(p);
+            // Points spread over the triangles are at least as far as the nearest of their parts over the bottom.
+            for t in &soup {
+                for (u, v) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.3, 0.3), (0.5, 0.5), (0.1, 0.8), (0.05, 0.05)] {
+                    let q = t[0] + (t[1] - t[0]) * u + (t[2] - t[0]) * v;
+                    prop_assert!(q.z < bottom || q.distance(p) >= bound - 1e-5, "{q} {p} {bound}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_surface_is_crossed_once_wherever_it_is_cut() {
+    // A box whose upright edges pass exactly through the diagonal, a corner and the inner edges of a cut-up square.
+    let mut mesh = Mesh::default();
+    for x in 0..4 {
+        for y in 0..4 {
+            let (x, y) = (x as f32 - 2.0, y as f32 - 2.0);
+            mesh = mesh.floor(Vec2::new(x, y), Vec2::new(x + 1.0, y + 1.0), 0.5);
+        }
+    }
+    let node = BoxNode {
+        limb: Limb::Leg,
+        joint: Joint::Hips,
+        center: Vec3::ZERO,
+        half_extents: Vec3::new(0.5, 0.5, 1.0),
+    };
+    let scene = mesh.build().unwrap();
+    for (x, y) in [(0.0, 0.0), (0.5, 0.5), (0.5, 0.0), (0.0, 0.25), (-0.5, 0.3)] {
+        let count = scene.intersection_count(&node, Vec3::new(x, y, 0.0), Quat::IDENTITY);
+        assert_eq!(count, 4, "at {x}, {y}");
+    }
+    // By hand: wholly over it nothing; tilted by 45 degrees about x the eight edges across y and z cross.
+    assert_eq!(scene.intersection_count(&node, Vec3::new(0.1, 0.1, 2.0), Quat::IDENTITY), 0);
+    let tilted = Quat::from_rotation_x(std::f32::consts::FRAC_PI_4);
+    let thin = BoxNode { half_extents: Vec3::new(0.1, 0.05, 0.4), ..node };
+    assert_eq!(scene.intersection_count(&thin, Vec3::new(0.13, 0.17, 0.5), tilted), 4);
+}
+
+#[test]
+fn a_closed_box_is_crossed_twice_by_an_edge_through_it() {
+    let scene = room().build().unwrap();
+    // An arm through the partition (both of its faces), four long edges: 8.
+    let node = BoxNode {
+        limb: Limb::Arm,
+        joint: Joint::LeftArm,
+        center: Vec3::ZERO,
+        half_extents: Vec3::new(0.15, 0.035, 0.035),
+    };
+    assert_eq!(scene.intersection_count(&node, Vec3::new(2.95, 1.0, 1.2), Quat::IDENTITY), 8);
+    assert_eq!(scene.intersection_count(&node, Vec3::new(2.5, 1.0, 1.2), Quat::IDENTITY), 0);
+}
+
+#[test]
+fn the_body_sums_its_nodes_and_leaves_out_the_floor() {
+    let scene = room().build().unwrap();
+    let mut posture = Posture::default();
+    for (x, y, z) in
+        [(1.0, 2.0, 0.993), (2.6, 1.0, 0.993), (1.0, 2.0, 0.95), (5.4, 2.0, 0.993), (3.0, 2.0, 0.993)]
+    {
+        posture.root_position = Vec3::new(x, y, z);
+        let pose = posture.pose();
+        let all = scene.body_intersections(&pose, f32::NEG_INFINITY);
+        let high = scene.body_intersections(&pose, 0.05);
+        for (i, node) in BODY_BOXES.iter().enumerate() {
+            let joint = node.joint.index();
+            let (p, r) = (pose.positions[joint], pose.rotations[joint]);
+            assert_eq!(all[i], scene.intersection_count(node, p, r));
+            let placed = OrientedBox::of_node(node, p, r);
+            let count: u32 = room().corners().iter().map(|t| crossings(&placed, t, 0.05).count_ones()).sum();
+            assert_eq!(high[i], count);
+        }
+        if x == 1.0 && z > 0.95 {
+            assert_eq!(high.iter().sum::<u32>(), 0);
+        }
+        // Sunk by 4 cm, the feet's upright edges pass through the floor.
+        if z == 0.95 {
+            assert!(all[8] >= 4 && all[9] >= 4, "{all:?}");
+        }
+    }
+}
+
+#[test]
+fn a_large_triangle_without_a_vertex_in_the_layer_occupies_its_cells() {
+    // One triangle, corners at -1 and 5 m height, passes through the layer along x = 2.
+    let mut mesh = Mesh::default().floor(Vec2::ZERO, Vec2::splat(4.0), 0.0);
+    mesh.positions.extend([
+        Vec3::new(2.02, 1.0, -1.0),
+        Vec3::new(2.02, 3.0, -1.0),
+        Vec3::new(2.02, 2.0, 5.0),
+    ]);
+    mesh.triangles.push([4, 5, 6]);
+    let grid = mesh.build().unwrap().occupancy().clone();
+    // At 0.15 m the triangle is 2 · (1 − 1.15 / 6) = 1.617 m wide: y from 1.192 to 2.808.
+    let occupied = |y: f32| grid.is_occupied(Vec2::new(2.02, y));
+    assert!(occupied(2.0) && occupied(1.22) && occupied(2.78) && !occupied(1.12) && !occupied(2.9));
+    assert!(!grid.is_occupied(Vec2::new(1.9, 2.0)) && !grid.is_occupied(Vec2::new(2.1, 2.0)));
+    // Clearance, by hand: from (1.0, 2.0) to the cell's border at x = 2.0; from outside, none.
+    assert!((grid.clearance(Vec2::new(1.525, 2.0)) - 0.475).abs() < 0.03);
+    assert_eq!(grid.clearance(Vec2::new(-0.5, 2.0)), 0.0);
+    assert!(grid.is_occupied(Vec2::new(5.0, 2.0)));
+    assert_eq!(
+        grid.occupied_cells().iter().filter(|o| **o).count(),
+        grid.walkable_cells().iter().filter(|w| !**w).count()
+    );
+}
+
+#[test]
+fn the_floor_is_found_under_rugs_tables_and_ceilings() {
+    let base = |z: f32| room().positions.iter().map(|p| *p + Vec3::Z * z).collect::<Vec<_>>();
+    for z in [0.0, 0.037, -3.2] {
+        let mut mesh = Mesh { positions: base(z), triangles: room().triangles };
+        mesh = mesh
+            .floor(Vec2::new(3.2, 0.5), Vec2::new(5.0, 3.5), z + 0.015)
+            .solid([0.5, 0.5, z + 0.70], [2.0, 2.0, z + 0.74])
+            .floor(Vec2::ZERO, Vec2::new(6.0, 4.0), z + 2.5)
+            .floor(Vec2::ZERO, Vec2::new(6.0, 4.0), z - 0.02);
+        let scene = mesh.build().unwrap();
+        assert!((scene.floor_height() - z).abs() < 0.016, "{} for {z}", scene.floor_height());
+        let under = scene.floor_height_at(Vec2::new(5.7, 2.1), z + 0.6).unwrap();
+        assert!((under - z - 0.45).abs() < 1e-5);
+        assert!((scene.floor_height_at(Vec2::new(1.1, 1.3), z + 0.5).unwrap() - z).abs() < 1e-5);
+    }
+}
+
+#[test]
+fn bad_meshes_get_a_sentence() {
+    let build = |positions: &[Vec3], triangles: &[[u32; 3]]| {
+        SceneIndex::build(positions, triangles, &SceneSettings::default(), &Progress::new())
+            .unwrap_err()
+            .to_string()
+    };
+    let good = [Vec3::ZERO, Vec3::X, Vec3::Y];
+    assert!(build(&[], &[]).contains("no mesh faces"));
+    assert!(build(&good, &[[0, 1, 2], [0, 1, 7]]).starts_with("Triangle 1 of the scene names vertex 7"));
+    assert!(build(&[Vec3::ZERO, Vec3::X, Vec3::splat(f32::NAN)], &[[0, 1, 2]]).starts_with("Triangle 0"));
+    assert!(build(&[Vec3::ZERO, Vec3::X, Vec3::X * f32::INFINITY], &[[0, 1, 2]]).contains("not a number"));
+    assert!(build(&[Vec3::ZERO, Vec3::X, Vec3::X * 3.0], &[[0, 1, 2], [1, 1, 1]]).contains("zero area"));
+    assert!(build(&[Vec3::ZERO, Vec3::X, Vec3::Y * 1e6], &[[0, 1, 2]]).contains("from the origin"));
+    let cancelled = Progress::new();
+    cancelled.cancel();
+    let mesh = room();
+    let result = SceneIndex::build(&mesh.positions, &mesh.triangles, &SceneSettings::default(), &cancelled);
+    assert!(matches!(result, Err(Error::Cancelled)));
+    let settings = SceneSettings { cell_size: 0.0, ..SceneSettings::default() };
+    let result = SceneIndex::build(&mesh.positions, &mesh.triangles, &settings, &Progress::new());
+    assert!(matches!(result, Err(Error::Input(_))));
+}
+
+#[test]
+fn odd_but_usable_meshes_are_indexed() {
+    // One triangle; a zero-area one beside it is dropped; an unused vertex may be anything.
+    let scene = SceneIndex::build(
+        &[Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::splat(f32::NAN)],
+        &[[0, 1, 2], [0, 0, 1]],
+        &SceneSettings::default(),
+        &Progress::new(),
+    )
+    .unwrap();
+    assert_eq!(scene.triangle_count(), 1);
+    // A single upright sheet: no area on the floor at all.
+    let sheet = Mesh::default().quad(Vec3::ZERO, Vec3::Y, Vec3::new(0.0, 1.0, 1.0), Vec3::Z).build().unwrap();
+    assert!(!sheet.occupancy().is_walkable(Vec2::new(0.0, 0.5)));
+    // A ground of 2 km with a tiny box on it: the grids grow coarser, the counts stay exact.
+    let ground = Mesh::default()
+        .floor(Vec2::splat(-1000.0), Vec2::splat(1000.0), 0.0)
+        .solid([0.0, 0.0, 0.3], [0.01, 0.01, 0.31])
+        .build()
+        .unwrap();
+    assert!(ground.memory() < 100_000_000);
+    let node = BoxNode {
+        limb: Limb::Leg,
+        joint: Joint::Hips,
+        center: Vec3::ZERO,
+        half_extents: Vec3::new(0.05, 0.005, 0.005),
+    };
+    // One of the long edges passes through the tiny box, at y = 0.005 and z = 0.305.
+    assert_eq!(ground.intersection_count(&node, Vec3::new(0.0, 0.0, 0.3), Quat::IDENTITY), 2);
+    let upright = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2);
+    assert_eq!(ground.intersection_count(&node, Vec3::new(100.3, 50.2, 0.0), upright), 4);
+}
+
+#[test]
+fn one_thread_and_two_give_the_same_index() {
+    let mesh = room();
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| mesh.build().unwrap())
+    };
+    let (a, b) = (on(1), on(2));
+    assert_eq!(a.floor_height().to_bits(), b.floor_height().to_bits());
+    assert_eq!(a.occupancy().clearance_cells(), b.occupancy().clearance_cells());
+    let cue = sit(5.75, 2.0, 0.55, 180.0);
+    let from = Vec2::new(1.0, 1.0);
+    assert_eq!(ClearPath::to_cue(&a, &cue).path(from), ClearPath::to_cue(&b, &cue).path(from));
+    for i in 0..50 {
+        let p = Vec3::new(0.1 * i as f32, 0.07 * i as f32, 0.02 * i as f32);
+        assert_eq!(a.clearance_lower_bound(p).to_bits(), b.clearance_lower_bound(p).to_bits());
+    }
+}
+
+#[test]
+fn the_way_leads_through_the_middle_of_the_door_to_the_front_of_the_seat() {
+    let scene = room().build().unwrap();
+    let ways = ClearPath::to_cue(&scene, &sit(5.75, 2.0, 0.55, 180.0));
+    for start in [Vec2::new(1.0, 0.6), Vec2::new(0.5, 3.5), Vec2::new(1.5, 2.0)] {
+        let path = ways.path(start);
+        let length: f32 = path.windows(2).map(|w| w[0].distance(w[1])).sum();
+        // Straight to the door's middle and straight on, at most a tenth longer.
+        let door = Vec2::new(2.95, 2.0);
+        let end = *path.last().unwrap();
+        let straight = start.distance(door) + door.distance(end);
+        assert!(length > 0.97 * straight - 0.05 && length < 1.1 * straight, "{length} {straight}");
+        assert!((ways.distance(start) - length - end.distance(ways.goal())).abs() < 0.05 * length + 0.05);
+        let across =
+            path.iter().filter(|p| (p.x - 2.95).abs() < 0.05).map(|p| (p.y - 2.0).abs()).fold(0.0, f32::max);
+        assert!(across < 0.15, "{across} m off the middle of the door");
+        let approach = ways.approach_from(start).unwrap();
+        assert!(approach.position.distance(end) < 1e-6 && (0.44..0.76).contains(&end.distance(ways.goal())));
+        assert!(approach.angle.abs() < 60f32.to_radians());
+        // The effort falls along the path, and a point ahead lies on it.
+        let efforts: Vec<f32> = path.iter().map(|&p| ways.effort(p)).collect();
+        assert!(efforts.windows(2).all(|w| w[1] <= w[0] + 1e-3));
+        let ahead = ways.point_ahead(start, 1.0);
+        assert!(path.iter().any(|p| p.distance(ahead) < 0.06) && ahead.distance(start) <= 1.0 + 1e-4);
+        assert!((ways.distance(start) - ways.distance(ahead) - 1.0).abs() < 0.1);
+        assert!(ways.point_ahead(start, 100.0).distance(end) < 1e-5);
+    }
+    // On the seat the rest is straight, and outside the scene there is no way.
+    assert!((ways.distance(Vec2::new(5.6, 2.0)) - 0.15).abs() < 0.05);
+    assert!(ways.distance(Vec2::new(-2.0, 0.0)).is_infinite() && ways.path(Vec2::new(-2.0, 0.0)).is_empty());
+    // A start close to a wall gets out.
+    assert!(ways.distance(Vec2::new(0.03, 2.0)).is_finite() && ways.path(Vec2::new(0.03, 2.0)).len() > 50);
+}
+
+#[test]
+fn a_gap_of_55_cm_is_passable_and_one_of_15_cm_is_not() {
+    let with_gap = |gap: f32| {
+        Mesh::default()
+            .floor(Vec2::ZERO, Vec2::new(6.0, 4.0), 0.0)
+            .solid([2.9, -0.1, 0.0], [3.0, 2.0 - 0.5 * gap, 2.5])
+            .solid([2.9, 2.0 + 0.5 * gap, 0.0], [3.0, 4.1, 2.5])
+            .build()
+            .unwrap()
+    };
+    let (wide, tight) = (with_gap(0.55), with_gap(0.15));
+    let task = task(Vec3::new(1.0, 2.0, 0.0), stop(5.0, 2.0));
+    assert!(check_task(&wide, &task).is_ok());
+    let distance = ClearPath::to_cue(&wide, &task.cue).distance(Vec2::new(1.0, 2.0));
+    assert!((distance - 4.0).abs() < 0.2, "{distance}");
+    let error = check_task(&tight, &task).unwrap_err();
+    assert!(matches!(error, Error::Unreachable(_)));
+    // The free floor ends 12 cm before the wall at x = 2.9, and a little later before the gap: 2.1 to 2.3 m from the cue.
+    assert!(error.to_string().contains("ends 2.1") || error.to_string().contains("ends 2.2"), "{error}");
+}
+
+#[test]
+fn tasks_that_cannot_be_done_are_named() {
+    let scene = room().build().unwrap();
+    let here = Vec3::new(1.0, 1.0, 0.0);
+    let bench = || sit(5.75, 2.0, 0.55, 180.0);
+    check_task(&scene, &task(here, bench())).unwrap();
+    check_task(&scene, &task(here, stop(4.0, 1.0))).unwrap();
+    let says = |task: Task| check_task(&scene, &task).unwrap_err().to_string();
+    let cases = [
+        (says(task(Vec3::new(9.0, 1.0, 0.0), bench())), "Start ‘Here’ lies outside the scene, 2.90 m"),
+        (says(task(Vec3::new(5.7, 2.0, 0.0), bench())), "Start ‘Here’ stands inside furniture"),
+        (says(task(Vec3::new(1.0, 1.0, 1.2), bench())), "Start ‘Here’ stands 1.20 m over"),
+        (says(task(Vec3::new(1.0, 1.0, -1.0), bench())), "Start ‘Here’ has no floor under it"),
+        (
+            says(task(here, sit(5.75, 2.0, 1.07, 180.0))),
+            "floats: the nearest surface is 0.62 m below the pelvis",
+        ),
+        (says(task(here, sit(4.0, 2.0, 0.1, 180.0))), "too low: its seat is 0.00 m"),
+        (says(task(here, sit(5.75, 2.0, -0.5, 180.0))), "0.50 m below the floor"),
+        (says(task(here, sit(2.95, 1.0, 0.55, 180.0))), "inside a wall"),
+        (says(task(here, sit(5.75, 2.0, 0.55, 0.0))), "no room for the legs: something is 0.25 m"),
+        (says(task(here, sit(9.0, 2.0, 0.55, 0.0))), "Sit cue ‘Bench’ lies outside the scene"),
+        (says(task(here, stop(5.8, 2.0))), "Stop cue ‘There’ stands inside furniture"),
+        (says(task(here, stop(0.08, 2.0))), "Stop cue ‘There’ has only"),
+        (says(task(Vec3::new(f32::NAN, 0.0, 0.0), bench())), "not a number"),
+    ];
+    for (sentence, part) in cases {
+        assert!(sentence.contains(part), "“{sentence}” does not say “{part}”");
+    }
+    let mut far = bench();
+    far.feet[1] = Some(Vec3::new(2.0, 2.0, 0.0));
+    assert!(says(task(here, far)).contains("right foot of cue ‘Bench’ is 3.79 m"));
+    // The door shut: both rooms are whole, and no way leads between them.
+    let shut = room().solid([2.9, 1.6, 0.0], [3.0, 2.4, 2.0]).build().unwrap();
+    let error = check_task(&shut, &task(here, bench())).unwrap_err();
+    assert!(
+        matches!(error, Error::Unreachable(_)) && error.to_string().contains("from start ‘Here’"),
+        "{error}"
+    );
+}

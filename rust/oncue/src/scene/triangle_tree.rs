@@ -1,0 +1,511 @@
+//! The tree over the scene's triangles: built by obvhs in chunks, walked eight boxes at a time.
+//!
+//! Large triangles are cut first, so that a floor does not overlap everything that stands on it; the pieces
+//! refer to the whole triangle, and a crossing found in two pieces counts once. The references are halved in
+//! space into chunks, obvhs builds and optimizes a binary tree for each (chunks in parallel, cancel between
+//! them), and each is folded into nodes of eight children over blocks of at most eight triangles.
+//! Counts do not depend on the tree's shape.
+
+use glam::{Vec3, Vec3A};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::{Bvh2, reinsertion::ReinsertionOptimizer};
+use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+use rayon::prelude::*;
+
+use super::box_edges::{OrientedBox, TriangleBlock, candidates, crossings};
+use super::lanes::{Lanes, Portable, has_avx2};
+use super::polygon::Polygon;
+use crate::error::Result;
+use crate::progress::Progress;
+
+/// References handed to obvhs at once: about 30 ms of work, so that a cancel is seen in time.
+const CHUNK: usize = 32_768;
+/// Triangles longer than this are cut for the tree, metres; doubled until the pieces stay within `SPLIT_BUDGET`.
+const PIECE: f32 = 0.5;
+/// Most pieces beyond one a triangle: this share of the triangles, and a floor for small scenes.
+const SPLIT_BUDGET: (f32, usize) = (0.25, 16_384);
+/// Marks a child that is a block of triangles.
+const BLOCK: u32 = 1 << 31;
+const NO_CHILD: u32 = u32::MAX;
+
+/// Eight boxes side by side (centre and half size; unused ones have a negative size) and what is in them.
+#[derive(Debug, Clone)]
+#[repr(C, align(32))]
+struct Node {
+    center: [[f32; 8]; 3],
+    half: [[f32; 8]; 3],
+    child: [u32; 8],
+}
+
+impl Node {
+    fn empty() -> Self {
+        Self { center: [[0.0; 8]; 3], half: [[f32::NEG_INFINITY; 8]; 3], child: [NO_CHILD; 8] }
+    }
+
+    fn set(&mut self, slot: usize, aabb: &Aabb, child: u32) {
+        for axis in 0..3 {
+            let (lo, hi) = (aabb.min[axis], aabb.max[axis]);
+            self.center[axis][slot] = 0.5 * (lo + hi);
+            // Wider by more than rounding can move a crossing.
+            self.half[axis][slot] = 0.5 * (hi - lo) + 1e-5 + 1e-6 * lo.abs().max(hi.abs());
+        }
+        self.child[slot] = child;
+    }
+}
+
+/// One entry of the tree: a triangle or a piece of one.
+#[derive(Debug, Clone, Copy)]
+struct Reference {
+    aabb: Aabb,
+    triangle: u32,
+    shared: bool,
+}
+
+/// The tree. `nodes[0]` is the root.
+#[derive(Debug, Clone)]
+pub struct TriangleTree {
+    nodes: Vec<Node>,
+    blocks: Vec<TriangleBlock>,
+}
+
+/// Reused between queries: the nodes still to visit and the crossings found on shared triangles.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    stack: Vec<u32>,
+    seen: Vec<(u32, u32)>,
+}
+
+impl TriangleTree {
+    /// `triangles` must be finite.
+    pub fn build(triangles: &[[Vec3; 3]], progress: &Progress) -> Result<Self> {
+        let references = references(triangles);
+        progress.check()?;
+        let chunks = halve(references);
+        progress.check()?;
+        let parts = chunks
+            .into_par_iter()
+            .map(|chunk| {
+                progress.check()?;
+                Ok(Part::build(&chunk, triangles))
+            })
+            .collect::<Result<Vec<Part>>>()?;
+        progress.check()?;
+        Ok(Self::join(parts))
+    }
+
+    /// Puts the parts under a tree of their own.
+    fn join(parts: Vec<Part>) -> Self {
+        let boxes: Vec<Aabb> = parts.iter().map(|p| p.aabb).collect();
+        let mut nodes = Vec::with_capacity(parts.iter().map(|p| p.nodes.len()).sum::<usize>() + boxes.len());
+        let mut blocks = Vec::with_capacity(parts.iter().map(|p| p.blocks.len()).sum());
+        // The top's leaves hold part numbers until the parts' places are known.
+        fold(&binary_tree(&boxes), 1, &mut nodes, &mut |items| BLOCK | items[0]);
+        let top = nodes.len();
+        let mut roots = Vec::with_capacity(parts.len());
+        for part in parts {
+            let (first_node, first_block) = (nodes.len() as u32, blocks.len() as u32);
+            roots.push(first_node);
+            nodes.extend(part.nodes.into_iter().map(|mut node| {
+                for child in node.child.iter_mut().filter(|c| **c != NO_CHILD) {
+                    *child += if *child & BLOCK == 0 { first_node } else { first_block };
+                }
+                node
+            }));
+            blocks.extend(part.blocks);
+        }
+        for child in nodes[..top].iter_mut().flat_map(|n| &mut n.child).filter(|c| **c != NO_CHILD) {
+            if *child & BLOCK != 0 {
+                *child = roots[(*child & !BLOCK) as usize];
+            }
+        }
+        Self { nodes, blocks }
+    }
+
+    /// ρ(b, W) of LAMA, eq. 4, for one placed box: how often its 12 edges cross a triangle at world z >= `above`.
+    pub fn count(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
+        #[cfg(target_arch = "x86_64")]
+        if has_avx2() {
+            // SAFETY: the processor has AVX2.
+            return unsafe { self.count_avx2(placed, above, scratch) };
+        }
+        self.count_with::<Portable>(placed, above, scratch)
+    }
+
+    /// [`TriangleTree::count`] as it runs on processors without AVX2.
+    #[cfg(test)]
+    pub fn count_portable(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
+        self.count_with::<Portable>(placed, above, scratch)
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn count_avx2(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
+        self.count_with::<super::lanes::Avx>(placed, above, scratch)
+    }
+
+    #[inline(always)]
+    fn count_with<L: Lanes>(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
+        let test = NodeTest::<L>::new(placed);
+        let mut count = 0;
+        scratch.seen.clear();
+        scratch.stack.clear();
+        scratch.stack.push(0);
+        while let Some(next) = scratch.stack.pop() {
+            if next & BLOCK == 0 {
+                let node = &self.nodes[next as usize];
+                let mut hit = test.overlaps(node);
+                while hit != 0 {
+                    scratch.stack.push(node.child[hit.trailing_zeros() as usize]);
+                    hit &= hit - 1;
+                }
+                continue;
+            }
+            let block = &self.blocks[(next & !BLOCK) as usize];
+            let mut found = candidates::<L>(placed, block);
+            while found != 0 {
+                let lane = found.trailing_zeros() as usize;
+                found &= found - 1;
+                let edges = crossings(placed, &block.triangle(lane), above);
+                if edges == 0 {
+                    continue;
+                }
+                if block.shared >> lane & 1 == 1 {
+                    let index = block.index[lane];
+                    if scratch.seen.iter().any(|&(seen, _)| seen == index) {
+                        continue;
+                    }
+                    scratch.seen.push((index, edges));
+                }
+                count += edges.count_ones();
+            }
+        }
+        count
+    }
+
+    /// Distance along `direction` (unit) to the nearest triangle within `max`, from either side.
+    pub fn ray(&self, origin: Vec3, direction: Vec3, max: f32) -> Option<f32> {
+        let mut nearest = max;
+        let mut hit = false;
+        self.visit_ray(origin, direction, &mut nearest, |block, lane, nearest| {
+            if let Some(t) = ray_triangle(origin, direction, &block.triangle(lane))
+                && t <= *nearest
+            {
+                *nearest = t;
+                hit = true;
+            }
+        });
+        hit.then_some(nearest)
+    }
+
+    /// Every distance at which the ray passes a triangle within `max`, ascending, with |cos| of the angle between
+    /// the ray and the triangle's normal. A triangle that was cut for the tree is reported once.
+    pub fn ray_all(&self, origin: Vec3, direction: Vec3, max: f32) -> Vec<(f32, f32)> {
+        let mut hits: Vec<(f32, u32, f32)> = Vec::new();
+        let mut reach = max;
+        self.visit_ray(origin, direction, &mut reach, |block, lane, _| {
+            let triangle = block.triangle(lane);
+            if let Some(t) = ray_triangle(origin, direction, &triangle)
+                && t <= max
+            {
+                let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalize_or_zero();
+                hits.push((t, block.index[lane], normal.dot(direction).abs()));
+            }
+        });
+        hits.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        hits.dedup_by_key(|h| h.1);
+        hits.into_iter().map(|(t, _, cosine)| (t, cosine)).collect()
+    }
+
+    fn visit_ray(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        nearest: &mut f32,
+        mut visit: impl FnMut(&TriangleBlock, usize, &mut f32),
+    ) {
+        // A zero component would give 0 · ∞; a tiny one gives the same answer without it.
+        let inverse = Vec3::from_array(direction.to_array().map(|d| {
+            let d = if d.abs() < 1e-20 { 1e-20f32.copysign(d) } else { d };
+            1.0 / d
+        }));
+        let mut stack = vec![0u32];
+        while let Some(next) = stack.pop() {
+            if next & BLOCK != 0 {
+                let block = &self.blocks[(next & !BLOCK) as usize];
+                for lane in (0..8).filter(|&lane| block.index[lane] != u32::MAX) {
+                    visit(block, lane, nearest);
+                }
+                continue;
+            }
+            let node = &self.nodes[next as usize];
+            for slot in (0..8).filter(|&slot| node.child[slot] != NO_CHILD) {
+                let (mut enter, mut leave) = (0.0f32, *nearest);
+                for axis in 0..3 {
+                    let (c, h) = (node.center[axis][slot] - origin[axis], node.half[axis][slot]);
+                    let (a, b) = ((c - h) * inverse[axis], (c + h) * inverse[axis]);
+                    enter = enter.max(a.min(b));
+                    leave = leave.min(a.max(b));
+                }
+                if enter <= leave {
+                    stack.push(node.child[slot]);
+                }
+            }
+        }
+    }
+
+    /// Bytes held.
+    pub fn memory(&self) -> usize {
+        self.nodes.len() * size_of::<Node>() + self.blocks.len() * size_of::<TriangleBlock>()
+    }
+}
+
+/// The overlap test of a placed box with a node's boxes, prepared once a query: the six face axes of both boxes.
+struct NodeTest<L> {
+    center: [L; 3],
+    world_half: [L; 3],
+    axes: [[L; 3]; 3],
+    half: [L; 3],
+}
+
+impl<L: Lanes> NodeTest<L> {
+    #[inline(always)]
+    fn new(placed: &OrientedBox) -> Self {
+        let splat = |v: Vec3| [L::splat(v.x), L::splat(v.y), L::splat(v.z)];
+        Self {
+            center: splat(placed.center),
+            world_half: splat(placed.world_half_extents),
+            axes: [splat(placed.axes.x_axis), splat(placed.axes.y_axis), splat(placed.axes.z_axis)],
+            half: splat(placed.half_extents),
+        }
+    }
+
+    /// Bit i: child i may touch the box.
+    #[inline(always)]
+    fn overlaps(&self, node: &Node) -> u32 {
+        let half = [0, 1, 2].map(|i| L::load(&node.half[i]));
+        let apart = [0, 1, 2].map(|i| L::load(&node.center[i]).sub(self.center[i]));
+        let mut bits = 0xff;
+        for i in 0..3 {
+            bits &= apart[i].abs().le(half[i].add(self.world_half[i]));
+        }
+        if bits == 0 {
+            return 0;
+        }
+        for (axis, own) in self.axes.iter().zip(self.half) {
+            let along = apart[0].mul(axis[0]).add(apart[1].mul(axis[1])).add(apart[2].mul(axis[2])).abs();
+            let reach = half[0]
+                .mul(axis[0].abs())
+                .add(half[1].mul(axis[1].abs()))
+                .add(half[2].mul(axis[2].abs()))
+                .add(own);
+            bits &= along.le(reach);
+        }
+        bits
+    }
+}
+
+/// Distance along the ray to the triangle, from either side (Möller and Trumbore 1997).
+fn ray_triangle(origin: Vec3, direction: Vec3, triangle: &[Vec3; 3]) -> Option<f32> {
+    let (e1, e2) = (triangle[1] - triangle[0], triangle[2] - triangle[0]);
+    let p = direction.cross(e2);
+    let determinant = e1.dot(p);
+    if determinant == 0.0 {
+        return None;
+    }
+    let s = origin - triangle[0];
+    let q = s.cross(e1);
+    let (u, v) = (s.dot(p) / determinant, direction.dot(q) / determinant);
+    // A hair beyond the border, so that no ray slips between two triangles.
+    let slack = -1e-6;
+    (u >= slack && v >= slack && u + v <= 1.0 - slack).then(|| e2.dot(q) / determinant).filter(|t| *t >= 0.0)
+}
+
+/// The tree of one chunk, with node and block numbers of its own.
+struct Part {
+    aabb: Aabb,
+    nodes: Vec<Node>,
+    blocks: Vec<TriangleBlock>,
+}
+
+impl Part {
+    fn build(chunk: &[Reference], triangles: &[[Vec3; 3]]) -> Self {
+        let boxes: Vec<Aabb> = chunk.iter().map(|r| r.aabb).collect();
+        let tree = binary_tree(&boxes);
+        let mut blocks = Vec::with_capacity(chunk.len() / 4 + 1);
+        let mut nodes = Vec::with_capacity(chunk.len() / 24 + 1);
+        fold(&tree, 8, &mut nodes, &mut |items| {
+            let mut block = TriangleBlock::empty();
+            for (lane, &item) in items.iter().enumerate() {
+                let reference = &chunk[item as usize];
+                block.set(
+                    lane,
+                    &triangles[reference.triangle as usize],
+                    reference.triangle,
+                    reference.shared,
+                );
+            }
+            blocks.push(block);
+            BLOCK | (blocks.len() - 1) as u32
+        });
+        let aabb = boxes.iter().fold(boxes[0], |all, b| all.union(b));
+        Self { aabb, nodes, blocks }
+    }
+}
+
+/// obvhs's binary tree, one box a leaf: locally ordered clustering, then reinsertion.
+fn binary_tree(boxes: &[Aabb]) -> Bvh2 {
+    let indices = (0..boxes.len() as u32).collect();
+    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
+        PlocSearchDistance::Medium,
+        boxes,
+        indices,
+        SortPrecision::U64,
+        3,
+    );
+    ReinsertionOptimizer::default().run(&mut tree, 0.05, None);
+    tree
+}
+
+/// Folds a binary tree into nodes of eight children, root first; `emit` turns at most `leaf_size` leaves into a child.
+fn fold(tree: &Bvh2, leaf_size: usize, nodes: &mut Vec<Node>, emit: &mut impl FnMut(&[u32]) -> u32) {
+    let sizes = leaf_counts(tree);
+    // (binary node, slot of the folded node that is to name it)
+    let mut open: Vec<(usize, Option<(usize, usize)>)> = vec![(0, None)];
+    let mut items = Vec::with_capacity(leaf_size);
+    while let Some((root, place)) = open.pop() {
+        let mut children = vec![root];
+        // Open the largest box that is not yet a leaf, until eight are there.
+        while children.len() < 8 {
+            let largest = (0..children.len())
+                .filter(|&i| sizes[children[i]] as usize > leaf_size)
+                .max_by(|&a, &b| half_area(tree, children[a]).total_cmp(&half_area(tree, children[b])));
+            let Some(largest) = largest else { break };
+            let first = tree.nodes[children[largest]].first_index as usize;
+            children[largest] = first;
+            children.push(first + 1);
+        }
+        let number = nodes.len();
+        nodes.push(Node::empty());
+        if let Some((parent, slot)) = place {
+            nodes[parent].child[slot] = number as u32;
+        }
+        for (slot, &child) in children.iter().enumerate() {
+            let leaf = sizes[child] as usize <= leaf_size;
+            let mut name = NO_CHILD;
+            if leaf {
+                items.clear();
+                gather(tree, child, &mut items);
+                name = emit(&items);
+            }
+            nodes[number].set(slot, tree.nodes[child].aabb(), name);
+            if !leaf {
+                open.push((child, Some((number, slot))));
+            }
+        }
+    }
+}
+
+fn half_area(tree: &Bvh2, node: usize) -> f32 {
+    tree.nodes[node].aabb().half_area()
+}
+
+/// Leaves under each node of the binary tree.
+fn leaf_counts(tree: &Bvh2) -> Vec<u32> {
+    let mut order = Vec::with_capacity(tree.nodes.len());
+    let mut open = vec![0usize];
+    while let Some(node) = open.pop() {
+        order.push(node);
+        if !tree.nodes[node].is_leaf() {
+            let first = tree.nodes[node].first_index as usize;
+            open.extend([first, first + 1]);
+        }
+    }
+    let mut counts = vec![0u32; tree.nodes.len()];
+    for &node in order.iter().rev() {
+        let n = &tree.nodes[node];
+        counts[node] = if n.is_leaf() {
+            n.prim_count
+        } else {
+            counts[n.first_index as usize] + counts[n.first_index as usize + 1]
+        };
+    }
+    counts
+}
+
+/// The boxes under a node of the binary tree.
+fn gather(tree: &Bvh2, node: usize, items: &mut Vec<u32>) {
+    let mut open = vec![node];
+    while let Some(node) = open.pop() {
+        let n = &tree.nodes[node];
+        let first = n.first_index as usize;
+        if n.is_leaf() {
+            items.extend(&tree.primitive_indices[first..first + n.prim_count as usize]);
+        } else {
+            open.extend([first + 1, first]);
+        }
+    }
+}
+
+/// The triangles as references, the long ones cut into pieces.
+fn references(triangles: &[[Vec3; 3]]) -> Vec<Reference> {
+    let extent = |t: &[Vec3; 3]| t[0].max(t[1]).max(t[2]) - t[0].min(t[1]).min(t[2]);
+    let budget = SPLIT_BUDGET.1 + (SPLIT_BUDGET.0 * triangles.len() as f32) as usize;
+    let mut piece = PIECE;
+    let pieces = |piece: f32| -> f64 {
+        let of = |t: &[Vec3; 3]| {
+            let e = extent(t);
+            let cells = (e / piece).ceil().max(Vec3::ONE);
+            // A flat piece takes about the cells of its largest face.
+            let m = cells.max_element() as f64;
+            if m <= 1.0 { 0.0 } else { m * (cells.element_product() as f64 / m).sqrt().max(1.0) }
+        };
+        triangles.par_iter().map(of).collect::<Vec<_>>().iter().sum()
+    };
+    while pieces(piece) > budget as f64 {
+        piece *= 2.0;
+    }
+    triangles
+        .par_iter()
+        .enumerate()
+        .flat_map_iter(|(index, triangle)| {
+            let mut out = Vec::with_capacity(1);
+            let long = extent(triangle).max_element() > piece;
+            let mut open = vec![Polygon::new(triangle)];
+            while let Some(polygon) = open.pop() {
+                let (lo, hi) = polygon.bounds();
+                let size = hi - lo;
+                if size.max_element() <= piece {
+                    let aabb = Aabb::new(Vec3A::from(lo), Vec3A::from(hi));
+                    out.push(Reference { aabb, triangle: index as u32, shared: long });
+                    continue;
+                }
+                let axis = size.max_position();
+                let middle = 0.5 * (lo[axis] + hi[axis]);
+                open.extend(
+                    [polygon.clip(axis, lo[axis], middle), polygon.clip(axis, middle, hi[axis])]
+                        .into_iter()
+                        .filter(|p| !p.is_empty()),
+                );
+            }
+            out
+        })
+        .collect()
+}
+
+/// Halves the references about the median of their centres along the longest side, until each part is a chunk.
+fn halve(mut references: Vec<Reference>) -> Vec<Vec<Reference>> {
+    if references.len() <= CHUNK {
+        return vec![references];
+    }
+    let center = |r: &Reference| r.aabb.min + r.aabb.max;
+    let (lo, hi) = references.iter().fold((center(&references[0]), center(&references[0])), |(lo, hi), r| {
+        (lo.min(center(r)), hi.max(center(r)))
+    });
+    let axis = Vec3::from(hi - lo).max_position();
+    let middle = references.len() / 2;
+    references.select_nth_unstable_by(middle, |a, b| center(a)[axis].total_cmp(&center(b)[axis]));
+    let upper = references.split_off(middle);
+    let (mut lower, upper) = rayon::join(|| halve(references), || halve(upper));
+    lower.extend(upper);
+    lower
+}
