@@ -1,0 +1,151 @@
+//! Foot contact c ∈ {0, 0.5, 1} (LAMA, section 3.3), found from the height and the speed of the toe.
+
+use glam::Vec3;
+
+use crate::motion::skeleton::{ANKLE_HEIGHT, HEEL_LENGTH, TOE_HEIGHT};
+use crate::motion::{FRAME_RATE, FootContact, Joint, Motion, Pose};
+
+/// A planted toe is at most this far over its height on the floor when it lands, metres …
+const LAND_HEIGHT: f32 = 0.03;
+/// … and this far while it stays.
+const STAY_HEIGHT: f32 = 0.05;
+/// It is slower than this when it lands, metres a second …
+const LAND_SPEED: f32 = 0.30;
+/// … and than this while it stays.
+const STAY_SPEED: f32 = 0.50;
+/// It stays within this distance of where it is planted, metres: a slow shuffle is no plant.
+const STAY_RADIUS: f32 = 0.04;
+/// A sole within this distance of the floor is near it (c = 0.5), metres.
+const NEAR_HEIGHT: f32 = 0.05;
+/// Shorter plants and shorter gaps are noise, frames.
+const SHORTEST: usize = 3;
+
+/// Foot contact of every frame: `[left, right]`, 1 while the toe is planted, 0.5 while toe or heel is near the floor.
+///
+/// The floor is z = 0. Landing and leaving have their own thresholds, so contact does not flicker.
+pub fn detect(motion: &Motion) -> Vec<FootContact> {
+    let poses: Vec<Pose> = motion.postures.iter().map(|p| p.pose()).collect();
+    let mut contacts = vec![[0.0; 2]; poses.len()];
+    for (side, (toe, foot)) in Joint::TOES.into_iter().zip(Joint::FEET).enumerate() {
+        let toes: Vec<Vec3> = poses.iter().map(|p| p.position(toe)).collect();
+        let planted = planted_frames(&toes);
+        for (frame, pose) in poses.iter().enumerate() {
+            let heel = pose.position(foot) + pose.rotation(foot) * Vec3::new(0.0, HEEL_LENGTH, -ANKLE_HEIGHT);
+            let lowest = heel.z.min(toes[frame].z - TOE_HEIGHT);
+            contacts[frame][side] = match (planted[frame], lowest < NEAR_HEIGHT) {
+                (true, _) => 1.0,
+                (false, true) => 0.5,
+                (false, false) => 0.0,
+            };
+        }
+    }
+    contacts
+}
+
+/// Whether a toe is planted in each frame, from its positions in the world.
+fn planted_frames(toes: &[Vec3]) -> Vec<bool> {
+    let count = toes.len();
+    let speed = |f: usize| {
+        let (a, b) = (f.saturating_sub(1), (f + 1).min(count - 1));
+        if a == b { 0.0 } else { toes[a].distance(toes[b]) * FRAME_RATE / (b - a) as f32 }
+    };
+    let mut planted = vec![false; count];
+    // Where the toe stands: mean of the plant so far.
+    let mut anchor: Option<(Vec3, f32)> = None;
+    for frame in 0..count {
+        let height = toes[frame].z - TOE_HEIGHT;
+        let speed = speed(frame);
+        let (limit_height, limit_speed) =
+            if anchor.is_some() { (STAY_HEIGHT, STAY_SPEED) } else { (LAND_HEIGHT, LAND_SPEED) };
+        let stays =
+            anchor.is_none_or(|(sum, n)| (sum / n).truncate().distance(toes[frame].truncate()) < STAY_RADIUS);
+        if height < limit_height && speed < limit_speed && stays {
+            planted[frame] = true;
+            let (sum, n) = anchor.unwrap_or((Vec3::ZERO, 0.0));
+            anchor = Some((sum + toes[frame], n + 1.0));
+        } else {
+            anchor = None;
+        }
+    }
+    // Fill short gaps in which the toe hardly moves (unless that would join the plants of a shuffle), then drop
+    // what is too short.
+    let mut last: Option<(usize, usize)> = None;
+    for (first, end) in runs(&planted, true) {
+        match last {
+            Some((start, before))
+                if first - before < SHORTEST && toes[start].distance(toes[end - 1]) < 1.5 * STAY_RADIUS =>
+            {
+                planted[before..first].fill(true);
+                last = Some((start, end));
+            }
+            _ => last = Some((first, end)),
+        }
+    }
+    for (first, end) in runs(&planted, true) {
+        if end - first < SHORTEST && first > 0 && end < count {
+            planted[first..end].fill(false);
+        }
+    }
+    planted
+}
+
+/// The stretches `first..end` in which `flags` has the value `value`.
+pub(crate) fn runs(flags: &[bool], value: bool) -> Vec<(usize, usize)> {
+    let mut out = Vec::new();
+    let mut frame = 0;
+    while frame < flags.len() {
+        let end = flags[frame..].iter().position(|&f| f != flags[frame]).map_or(flags.len(), |n| frame + n);
+        if flags[frame] == value {
+            out.push((frame, end));
+        }
+        frame = end;
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Posture;
+
+    #[test]
+    fn a_step_is_planted_lifted_planted() {
+        // By hand: 20 frames on the floor, 12 frames through the air over 0.7 m, 20 frames on the floor.
+        let mut toes = vec![Vec3::new(0.0, 0.0, TOE_HEIGHT); 20];
+        for i in 1..=12 {
+            let t = i as f32 / 12.0;
+            let arc = 0.08 * (std::f32::consts::PI * t).sin();
+            toes.push(Vec3::new(0.0, -0.7 * t, TOE_HEIGHT + arc));
+        }
+        toes.extend([Vec3::new(0.0, -0.7, TOE_HEIGHT); 20]);
+        let planted = planted_frames(&toes);
+        assert!(planted[..19].iter().all(|&p| p) && planted[33..].iter().all(|&p| p));
+        assert!(planted[21..31].iter().all(|&p| !p), "{planted:?}");
+    }
+
+    #[test]
+    fn a_glide_and_a_low_swing_are_no_plants() {
+        let glide: Vec<Vec3> = (0..60).map(|i| Vec3::new(0.0, -0.02 * i as f32, TOE_HEIGHT)).collect();
+        assert!(planted_frames(&glide).iter().all(|&p| !p));
+        let slow: Vec<Vec3> = (0..200).map(|i| Vec3::new(0.0, -0.006 * i as f32, TOE_HEIGHT)).collect();
+        for (first, end) in runs(&planted_frames(&slow), true) {
+            assert!(slow[first].distance(slow[end - 1]) < 0.1, "a shuffle breaks into short plants");
+        }
+    }
+
+    #[test]
+    fn rest_is_contact_and_a_lifted_body_is_none() {
+        let mut motion = Motion { postures: vec![Posture::default(); 10], contacts: Vec::new() };
+        assert!(detect(&motion).iter().all(|&c| c == [1.0, 1.0]));
+        for posture in &mut motion.postures {
+            posture.root_position.z += 0.04;
+            // A hovering body is near the floor, but it does not stand: nothing moves, so only height tells.
+        }
+        assert!(detect(&motion).iter().all(|&c| c == [0.5, 0.5]));
+        for posture in &mut motion.postures {
+            posture.root_position.z += 0.3;
+        }
+        assert!(detect(&motion).iter().all(|&c| c == [0.0, 0.0]));
+        assert!(detect(&Motion::default()).is_empty());
+    }
+}

@@ -1,0 +1,180 @@
+//! From a file's own skeleton to the unified one.
+//!
+//! Global bone directions are the file's, twist included ([`super::calibration`]). The root moves as the
+//! file's, scaled by the ratio of the leg lengths, and the ankles are put by IK exactly where the file's
+//! ankles are at that scale, so that feet slide no more than they did. Then the floor is brought to z = 0.
+
+use std::collections::BTreeMap;
+
+use glam::{Quat, Vec3};
+
+use super::calibration::{Calibration, Sampler, UpAxis};
+use super::foot;
+use crate::motion::skeleton::{ANKLE_HEIGHT, PARENT};
+use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
+
+/// Units that files come in: name, metres. The last is cgspeed's conversion of CMU.
+const UNITS: [(&str, f32); 5] =
+    [("m", 1.0), ("cm", 0.01), ("inch", 0.0254), ("mm", 0.001), ("0.45 inch", 0.0564)];
+
+/// What was recognised about a file; for reports.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recognized {
+    pub up: UpAxis,
+    /// The unit that makes its legs those of a person, by name, if any does.
+    pub unit: Option<&'static str>,
+    /// Our metres for one unit of the file (its legs become as long as ours).
+    pub scale: f32,
+}
+
+/// The unit in which legs of this length are a person's (0.6 to 1.1 m; an adult's 0.85 is preferred).
+pub fn recognize_unit(leg_length: f32) -> Option<(&'static str, f32)> {
+    UNITS.into_iter().filter(|(_, metres)| (0.6..1.1).contains(&(leg_length * metres))).min_by(|a, b| {
+        let off = |metres: f32| (leg_length * metres / 0.85).ln().abs();
+        off(a.1).total_cmp(&off(b.1))
+    })
+}
+
+/// Retargets a file; contacts are still empty.
+///
+/// Out: 30 Hz, feet on z = 0, heading as in the file.
+pub fn retarget(sampler: &mut Sampler, calibration: &Calibration) -> Motion {
+    let count = sampler.frame_count();
+    let mut motion = Motion::default();
+    let mut ankles: Vec<[Vec3; 2]> = Vec::with_capacity(count);
+    for frame in 0..count {
+        sampler.sample(frame);
+        motion.postures.push(posture(sampler, calibration));
+        ankles.push(Joint::FEET.map(|j| sampler.position(j).unwrap_or_default()));
+    }
+    let (lift, ankle_lift) = floor(&motion, &ankles);
+    for (posture, ankles) in motion.postures.iter_mut().zip(&ankles) {
+        posture.root_position.z += lift;
+        for side in 0..2 {
+            let pose = posture.pose();
+            let foot_rotation = pose.rotation(Joint::FEET[side]);
+            let target = ankles[side] + Vec3::new(0.0, 0.0, ankle_lift[side]);
+            foot::reach(posture, &pose, side, target, foot_rotation);
+        }
+    }
+    foot::align_signs(&mut motion);
+    motion
+}
+
+/// One posture from the sampled pose.
+fn posture(s: &Sampler, c: &Calibration) -> Posture {
+    let mut global = [Quat::IDENTITY; crate::motion::JOINT_COUNT];
+    let turned = |joint: Joint| Some(s.rotation(joint)? * c.joints[joint.index()]?);
+    let hips = turned(Joint::Hips).unwrap_or_default();
+    // The file's spine as a curve of rotations from the hips to the chest, read at our three joints.
+    let curve: Vec<Quat> = std::iter::once(hips)
+        .chain(s.table.spine.iter().zip(&c.spine).map(|(&joint, c)| s.pose.rotations[joint] * *c))
+        .collect();
+    let along = |u: f32| {
+        let at = u * (curve.len() - 1) as f32;
+        let i = (at.floor() as usize).min(curve.len().saturating_sub(2));
+        match curve.get(i + 1) {
+            Some(next) => curve[i].slerp(*next, at - i as f32),
+            None => curve[i],
+        }
+    };
+    for joint in Joint::ALL {
+        let parent = PARENT[joint.index()];
+        global[joint.index()] = match joint {
+            Joint::Hips => hips,
+            Joint::Spine => along(1.0 / 3.0),
+            Joint::Spine1 => along(2.0 / 3.0),
+            Joint::Spine2 => along(1.0),
+            _ => turned(joint).unwrap_or(global[parent]),
+        };
+    }
+    let middle = (s.position(Joint::LeftUpLeg).unwrap_or_default()
+        + s.position(Joint::RightUpLeg).unwrap_or_default())
+        / 2.0;
+    let mut posture =
+        Posture { root_position: middle + hips * Vec3::new(0.0, 0.0, 0.02), ..Default::default() };
+    posture.rotations[0] = hips.normalize();
+    for joint in 1..global.len() {
+        posture.rotations[joint] = (global[PARENT[joint]].inverse() * global[joint]).normalize();
+    }
+    posture
+}
+
+/// How far to lift the whole body, and each ankle, so that flat feet stand on z = 0.
+///
+/// A flat foot is one whose ankle is still and low; each foot's own height is used, since files differ in
+/// where the ankle sits. Without such frames the lowest points of the feet decide.
+fn floor(motion: &Motion, ankles: &[[Vec3; 2]]) -> (f32, [f32; 2]) {
+    let mut still: [Vec<f32>; 2] = [Vec::new(), Vec::new()];
+    for frame in 1..ankles.len().saturating_sub(1) {
+        for side in 0..2 {
+            let speed = ankles[frame + 1][side].distance(ankles[frame - 1][side]) * FRAME_RATE / 2.0;
+            if speed < 0.15 {
+                still[side].push(ankles[frame][side].z);
+            }
+        }
+    }
+    let mut heights = [None; 2];
+    for (side, still) in still.iter_mut().enumerate() {
+        still.sort_unstable_by(f32::total_cmp);
+        if still.len() >= 5 {
+            // The fifth part from below: still feet on a chair or mid-kneel lie higher.
+            heights[side] = Some(still[still.len() / 5]);
+        }
+    }
+    let lowest = || {
+        let mut lows: Vec<f32> = motion
+            .postures
+            .iter()
+            .map(|p| {
+                let pose = p.pose();
+                (0..2).flat_map(|side| foot::sole(&pose, side)).map(|p| p.z).fold(f32::MAX, f32::min)
+            })
+            .collect();
+        lows.sort_unstable_by(f32::total_cmp);
+        -lows[lows.len() / 20]
+    };
+    match heights {
+        // Feet that differ by more stand on different heights (a step, a kneel): trust the lower.
+        [Some(a), Some(b)] if (a - b).abs() < 0.03 => {
+            (ANKLE_HEIGHT - (a + b) / 2.0, [ANKLE_HEIGHT - a, ANKLE_HEIGHT - b])
+        }
+        [Some(a), Some(b)] => {
+            let lift = ANKLE_HEIGHT - a.min(b);
+            (lift, [lift; 2])
+        }
+        [Some(a), None] | [None, Some(a)] => (ANKLE_HEIGHT - a, [ANKLE_HEIGHT - a; 2]),
+        [None, None] => {
+            let lift = lowest();
+            (lift, [lift; 2])
+        }
+    }
+}
+
+/// Largest slide of planted toes between two frames, and the mean, metres. For reports and tests.
+pub fn planted_slide(motion: &Motion) -> (f32, f32) {
+    let poses: Vec<Pose> = motion.postures.iter().map(|p| p.pose()).collect();
+    let (mut worst, mut sum, mut count) = (0.0f32, 0.0, 0);
+    for (side, toe) in Joint::TOES.into_iter().enumerate() {
+        for frame in 1..poses.len() {
+            if motion.contacts[frame][side] == 1.0 && motion.contacts[frame - 1][side] == 1.0 {
+                let slide = poses[frame].position(toe).distance(poses[frame - 1].position(toe));
+                worst = worst.max(slide);
+                sum += slide;
+                count += 1;
+            }
+        }
+    }
+    (worst, sum / count.max(1) as f32)
+}
+
+/// A key that two files share when they have the same skeleton: names and offsets.
+pub fn skeleton_key(file: &super::mocap_file::MocapFile) -> String {
+    let mut joints: BTreeMap<usize, String> = BTreeMap::new();
+    for (i, joint) in file.joints.iter().enumerate() {
+        // The root's offset is often where the take begins.
+        let offset = if i == 0 { Vec3::ZERO } else { joint.offset };
+        joints.insert(i, format!("{}:{:.2},{:.2},{:.2}", joint.name, offset.x, offset.y, offset.z));
+    }
+    joints.into_values().collect::<Vec<_>>().join(";")
+}
