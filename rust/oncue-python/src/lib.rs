@@ -1,8 +1,18 @@
 //! The Python face of `oncue`: all of pyo3 and numpy, and nothing else.
+//!
+//! One file per noun, each a thin wrapper; [`job`] is the door they all go through, [`error`] the
+//! exceptions they raise. The package around this module is `oncue_core/`, its types `_native.pyi`.
+
+mod error;
+mod job;
+mod skeleton;
 
 use pyo3::prelude::*;
 
 #[pymodule]
-fn oncue_core(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add("__version__", env!("CARGO_PKG_VERSION"))
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<job::Job>()?;
+    module.add_function(wrap_pyfunction!(skeleton::skeleton, module)?)?;
+    Ok(())
 }

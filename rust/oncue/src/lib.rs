@@ -14,6 +14,7 @@
 
 pub mod cue;
 pub mod error;
+pub mod job;
 pub mod library;
 pub mod math;
 pub mod motion;
@@ -23,6 +24,7 @@ pub mod scene;
 
 pub use cue::{ActionCue, ActionType, InitialState, Task};
 pub use error::{Error, Result};
+pub use job::Job;
 pub use library::MotionLibrary;
 pub use motion::{Motion, Posture};
 pub use progress::Progress;

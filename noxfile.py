@@ -1,0 +1,279 @@
+"""The repository's verbs, the same for people and for CI: `python3 -m nox -s VERB`.
+
+They need Rust, Python 3.11 or newer and nox; everything else comes from the package indexes into `.nox/`.
+Blender is the `bpy` module of the same version, which exists for Python 3.11 (4.2 to 5.0) and 3.13 (5.2).
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from typing import NamedTuple
+
+import nox
+
+ROOT = Path(__file__).parent
+ENVIRONMENTS = ROOT / ".nox"
+OUT = ROOT / "out"
+#: Wheels and extension archives of this machine; `dist/` has those for everybody.
+LOCAL = OUT / "build"
+DIST = ROOT / "dist"
+
+MATURIN = ["maturin==1.16.0"]
+ZIG = ["ziglang==0.17.1"]
+LINTERS = ["ruff==0.17.6", "mypy==2.4.1", "numpy==2.4.6", "pytest==9.2.0", "nox"]
+CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6"]
+#: A crash or a hang in Blender's exit must not hold the run.
+BLENDER_TESTS = ["pytest==9.2.0", "pytest-timeout==2.4.0"]
+
+
+class Blender(NamedTuple):
+    """A Blender as a Python module, and what it runs with."""
+
+    version: str
+    python: str
+    requirements: tuple[str, ...] = ()
+
+    @property
+    def series(self) -> str:
+        return ".".join(self.version.split(".")[:2])
+
+
+#: Oldest first.
+BLENDERS = (
+    Blender("4.2.23", "3.11", ("numpy<2",)),
+    Blender("4.5.15", "3.11"),
+    Blender("5.0.1", "3.11"),
+    Blender("5.2.3", "3.13"),
+)
+
+nox.options.sessions = ["test"]
+nox.options.default_venv_backend = "none"
+nox.options.stop_on_first_error = True
+
+
+# --- what the verbs are made of -------------------------------------------------------------------
+
+
+@functools.cache
+def interpreter(version: str) -> str | None:
+    """A Python of this minor version: the one that runs nox, on the PATH, or in a pyenv."""
+    name = f"python{version}"
+    candidates = [sys.executable, shutil.which(name)]
+    roots = [Path(sys.base_prefix).parent, Path.home() / ".pyenv" / "versions"]
+    if "PYENV_ROOT" in os.environ:
+        roots.append(Path(os.environ["PYENV_ROOT"]) / "versions")
+    for root in roots:
+        candidates += map(str, sorted(root.glob(f"{version}*/bin/{name}"), reverse=True))
+    for candidate in candidates:
+        if candidate and _version_of(candidate) == version:
+            return candidate
+    return None
+
+
+def _version_of(python: str) -> str | None:
+    # A version manager's shim is there whether or not its Python is, so the Python itself is asked.
+    command = [python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def blenders(session: nox.Session) -> list[Blender]:
+    """The Blenders that this machine's Pythons allow, oldest first."""
+    found = [blender for blender in BLENDERS if interpreter(blender.python)]
+    if not found:
+        wanted = " or ".join(sorted({blender.python for blender in BLENDERS}))
+        session.error(f"Blender's Python module needs Python {wanted}, and neither was found. Please install one.")
+    return found
+
+
+def environment(session: nox.Session, name: str, requirements: list[str], python: str | None = None) -> Path:
+    """The Python of the virtual environment `name` with exactly these requirements; made when they change."""
+    python = python or sys.executable
+    folder = ENVIRONMENTS / name
+    stamp = folder / "requirements.txt"
+    wanted = "\n".join([f"# {python}", *requirements])
+    executable = folder / "bin" / "python"
+    if not (stamp.is_file() and stamp.read_text() == wanted):
+        # virtualenv comes with nox and needs no ensurepip, which Debian keeps in a package of its own.
+        session.run(sys.executable, "-m", "virtualenv", "--quiet", "--clear", "--python", python, str(folder))
+        if requirements:
+            session.run(str(executable), "-m", "pip", "install", "--quiet", *requirements)
+        stamp.write_text(wanted)
+    return executable
+
+
+def blender_environment(session: nox.Session, blender: Blender, wheel: Path | None = None) -> Path:
+    """The Python of `blender`'s module; with `wheel`, oncue_core is installed in it."""
+    requirements = [f"bpy=={blender.version}", *blender.requirements, *BLENDER_TESTS]
+    python = environment(session, f"blender-{blender.version}", requirements, interpreter(blender.python))
+    if wheel:
+        install_wheel(session, python, wheel)
+    return python
+
+
+def install_wheel(session: nox.Session, python: Path, wheel: Path) -> None:
+    """Installs oncue_core in the environment of `python`, in place of an earlier one."""
+    session.run(str(python), "-m", "pip", "install", "--quiet", "--no-deps", "--force-reinstall", str(wheel))
+
+
+def build_wheel(session: nox.Session, *, portable: bool = False) -> Path:
+    """The abi3 wheel of oncue_core.
+
+    Linked by this machine's linker it shares its compiled parts with the Rust tests, and any Blender of this
+    machine loads it. `portable` links it by zig for manylinux 2.28, as other machines need it: once more from scratch.
+    """
+    tools = environment(session, "portable" if portable else "build", MATURIN + (ZIG if portable else []))
+    folder = DIST if portable else LOCAL
+    for old in folder.glob("oncue_core-*.whl"):
+        old.unlink()
+    command = [str(tools), "-m", "maturin", "build", "--release", "--out", str(folder)]
+    command += ["--interpreter", str(tools)]
+    if portable and sys.platform == "linux":
+        command += ["--zig", "--compatibility", "manylinux_2_28"]
+    # maturin looks for zig in the environment that is active.
+    path = f"{tools.parent}{os.pathsep}{os.environ['PATH']}"
+    session.run(*command, env={"VIRTUAL_ENV": str(tools.parents[1]), "PATH": path})
+    (wheel,) = folder.glob("oncue_core-*.whl")
+    return wheel
+
+
+def extension_command(session: nox.Session, blender: Blender) -> list[str]:
+    """Blender's own command for building and validating extensions, which runs without Blender."""
+    python = blender_environment(session, blender)
+    (tool,) = python.parents[1].glob("lib/python*/site-packages/bpy/*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
+    return [str(python), str(tool)]
+
+
+def build_extension(session: nox.Session, wheel: Path) -> Path:
+    """The extension's archive with `wheel` in it, built and validated by Blender's own command."""
+    command = extension_command(session, blenders(session)[-1])
+    staging = LOCAL / "extension"
+    shutil.rmtree(staging, ignore_errors=True)
+    ignored = shutil.ignore_patterns("__pycache__", "*.pyc")
+    shutil.copytree(ROOT / "addon", staging, ignore=ignored)
+    (staging / "wheels").mkdir()
+    shutil.copy2(wheel, staging / "wheels")
+    manifest = staging / "blender_manifest.toml"
+    manifest.write_text(with_wheel(manifest.read_text(), wheel))
+    for old in wheel.parent.glob("oncue-*.zip"):
+        old.unlink()
+    session.run(*command, "build", "--source-dir", str(staging), "--output-dir", str(wheel.parent))
+    (archive,) = wheel.parent.glob("oncue-*.zip")
+    session.run(*command, "validate", str(archive))
+    with zipfile.ZipFile(archive) as zipped:
+        (inside,) = (name for name in zipped.namelist() if name.endswith(".whl"))
+        if digest(zipped.read(inside)) != digest(wheel.read_bytes()):
+            session.error(f"{inside} in {archive.name} is not the wheel that was built.")
+    return archive
+
+
+def with_wheel(manifest: str, wheel: Path) -> str:
+    """The manifest naming `wheel`, its platform and its version."""
+    platforms = {"linux.*_x86_64": "linux-x64", "macosx.*_arm64": "macos-arm64", "macosx.*_x86_64": "macos-x64"}
+    platforms |= {"win_amd64": "windows-x64", "win_arm64": "windows-arm64", "linux.*_aarch64": "linux-arm64"}
+    platform = next(name for tag, name in platforms.items() if re.search(tag, wheel.name))
+    version = wheel.name.split("-")[1]
+    manifest = re.sub(r"(?m)^(wheels|platforms) = \[[^]]*\]\n", "", manifest)
+    manifest = re.sub(r'(?m)^version = ".*"$', f'version = "{version}"', manifest, count=1)
+    added = f'platforms = ["{platform}"]\nwheels = ["./wheels/{wheel.name}"]\n'
+    # Before the first table, where plain keys end.
+    head, table, rest = manifest.partition("\n[")
+    return f"{head.rstrip()}\n{added}{table}{rest}"
+
+
+def digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+# --- the verbs ------------------------------------------------------------------------------------
+
+
+@nox.session
+def test(session: nox.Session) -> None:
+    """All tests; `-- --all` for every Blender instead of the oldest and the newest."""
+    every = "--all" in session.posargs
+    posargs = [argument for argument in session.posargs if argument != "--all"]
+    session.run("cargo", "test", "--release", "--locked", "--package", "oncue", external=True)
+    wheel = build_wheel(session)
+    python = environment(session, "core", CORE_TESTS)
+    install_wheel(session, python, wheel)
+    session.run(str(python), "-m", "pytest", "tests", "--ignore=tests/addon", "--ignore=tests/window", *posargs)
+    archive = build_extension(session, wheel)
+    found = blenders(session)
+    for blender in found if every else dict.fromkeys([found[0], found[-1]]):
+        python = blender_environment(session, blender)
+        resources = LOCAL / f"resources-{blender.version}"
+        shutil.rmtree(resources, ignore_errors=True)
+        session.log(f"Blender {blender.version}")
+        session.run(
+            *[str(python), "-m", "pytest", "tests/addon", "--timeout=600", *posargs],
+            env={"BLENDER_USER_RESOURCES": str(resources), "ONCUE_EXTENSION": str(archive)},
+        )
+
+
+@nox.session
+def lint(session: nox.Session) -> None:
+    """Formatting, clippy, ruff and mypy."""
+    session.run("cargo", "fmt", "--all", "--check", external=True)
+    clippy = ["cargo", "clippy", "--release", "--locked", "--workspace", "--all-targets"]
+    session.run(*clippy, "--", "--deny", "warnings", external=True)
+    python = environment(session, "lint", LINTERS)
+    session.run(str(python), "-m", "ruff", "check")
+    session.run(str(python), "-m", "ruff", "format", "--check")
+    session.run(str(python), "-m", "mypy", "rust/oncue-python/oncue_core", "noxfile.py")
+
+
+@nox.session
+def build(session: nox.Session) -> None:
+    """The extension's archive for everybody: portable wheel, validated archive, in `dist/`."""
+    wheel = build_wheel(session, portable=True)
+    python = environment(session, "core", CORE_TESTS)
+    install_wheel(session, python, wheel)
+    session.run(str(python), "-c", "import oncue_core; print('oncue_core', oncue_core.__version__, 'loads')")
+    session.log(f"The extension is {build_extension(session, wheel).relative_to(ROOT)}")
+
+
+@nox.session
+def demo(session: nox.Session) -> None:
+    """Builds everything, makes the demo room, has a person walk through it and sit down, and draws it."""
+    blender = blenders(session)[-1]
+    python = str(blender_environment(session, blender, build_wheel(session)))
+    rooms = LOCAL / "rooms"
+    session.run(python, "blend_fixtures/make_fixtures.py", "--out", str(rooms), "--only", "demo_room")
+    blend, report = OUT / "demo.blend", OUT / "demo.json"
+    command = [python, "addon/batch.py", str(rooms / "demo_room.blend")]
+    session.run(*command, "--out", str(blend), "--report", str(report), *session.posargs)
+    pictures = ["--picture", str(OUT / "demo.png"), "--video", str(OUT / "demo.mp4")]
+    session.run(python, "blend_fixtures/render.py", str(blend), *pictures)
+
+
+@nox.session
+def synthesize(session: nox.Session) -> None:
+    """`-- scene.blend --out out.blend --report out.json --seed 1 [--library FILE_OR_FOLDER …]`."""
+    python = blender_environment(session, blenders(session)[-1], build_wheel(session))
+    session.run(str(python), "addon/batch.py", *session.posargs)
+
+
+@nox.session
+def fixtures(session: nox.Session) -> None:
+    """Blend files with cues in place: the repository's own rooms, or `-- --room ROOM.glb --tasks rooms.tsv --out DIR`."""
+    python = blender_environment(session, blenders(session)[-1])
+    arguments = session.posargs or ["--out", str(LOCAL / "rooms")]
+    session.run(str(python), "blend_fixtures/make_fixtures.py", *arguments)
+
+
+@nox.session
+def bench(session: nox.Session) -> None:
+    """Search, collision, environment steps and updates, each beside a plain reference."""
+    session.run("cargo", "bench", "--locked", "--package", "oncue", *session.posargs, external=True)

@@ -1,0 +1,20 @@
+"""What can go wrong in the core. Files that the system refuses raise OSError and its subclasses.
+
+A bug in the core is a RuntimeError with the message of the panic; it never takes the interpreter with it.
+"""
+
+
+class OncueError(Exception):
+    """The base of everything that an artist can act on; the text is a sentence for the artist."""
+
+
+class InputError(OncueError, ValueError):
+    """A cue, a start, a setting or an array that cannot be met as given, or a task that nothing can fulfil."""
+
+
+class DataFileError(OncueError):
+    """A motion capture or Oncue file that is damaged, too new or of another kind."""
+
+
+class Cancelled(OncueError):
+    """The job was cancelled."""

@@ -1,0 +1,41 @@
+//! The core's errors as Python's: the short tree of `oncue_core/errors.py`, and `OSError` for files.
+
+use std::path::Path;
+
+use oncue::Error;
+use oncue::job::Failure;
+use pyo3::exceptions::{PyOSError, PyRuntimeError};
+use pyo3::prelude::*;
+
+pyo3::import_exception!(oncue_core.errors, OncueError);
+pyo3::import_exception!(oncue_core.errors, InputError);
+pyo3::import_exception!(oncue_core.errors, DataFileError);
+pyo3::import_exception!(oncue_core.errors, Cancelled);
+
+/// The Python exception of a failed job.
+pub fn to_python(failure: Failure) -> PyErr {
+    match failure {
+        Failure::Panic(_) => PyRuntimeError::new_err(failure.to_string()),
+        Failure::Error(error) => match &error {
+            Error::Input(_) | Error::Unreachable(_) => InputError::new_err(error.to_string()),
+            Error::MocapFile { .. } | Error::DataFile { .. } => DataFileError::new_err(error.to_string()),
+            Error::Io { file, source } => os_error(file, source),
+            Error::Cancelled => Cancelled::new_err(error.to_string()),
+            // `Error` may grow; whatever it grows is still something to act on.
+            _ => OncueError::new_err(error.to_string()),
+        },
+    }
+}
+
+/// `OSError(errno, text, file)`, which Python turns into `FileNotFoundError`, `PermissionError` and so on.
+fn os_error(file: &Path, source: &std::io::Error) -> PyErr {
+    match source.raw_os_error() {
+        Some(code) => {
+            // Rust's text ends in " (os error 2)", Python's begins with "[Errno 2]": once is enough.
+            let text = source.to_string();
+            let text = text.split(" (os error").next().unwrap_or_default().to_owned();
+            PyOSError::new_err((code, text, file.display().to_string()))
+        }
+        None => PyOSError::new_err(format!("{}: {source}", file.display())),
+    }
+}
