@@ -4,23 +4,27 @@ Everything long runs as a :class:`Job`. One space everywhere, Blender's: right-h
 quaternions w first; a character at rest faces -Y, and `yaw` (radians) turns it about +Z.
 """
 
-from ._native import (
-    Job,
-    __version__,
-    skeleton,
-)
+from ._native import Job, SceneIndex, __version__, check_task, index_scene, skeleton
 from .errors import Cancelled, DataFileError, InputError, OncueError
-from .types import BoxNode, ProgressSnapshot, Skeleton
+from .types import ActionCue, BoxNode, InitialState, Point, ProgressSnapshot, Settings, Skeleton, Task
 
 __all__ = [
+    "ActionCue",
     "BoxNode",
     "Cancelled",
     "DataFileError",
+    "InitialState",
     "InputError",
     "Job",
     "OncueError",
+    "Point",
     "ProgressSnapshot",
+    "SceneIndex",
+    "Settings",
     "Skeleton",
+    "Task",
     "__version__",
+    "check_task",
+    "index_scene",
     "skeleton",
 ]

@@ -1,9 +1,40 @@
 """The plain dicts that go in and come out."""
 
-from typing import TypedDict
+from typing import Any, Literal, NotRequired, TypeAlias, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
+
+#: Metres; x, y, z in the world unless said otherwise.
+Point: TypeAlias = tuple[float, float, float]
+
+#: Settings by name; what is left out keeps its default.
+Settings: TypeAlias = dict[str, Any]
+
+
+class InitialState(TypedDict):
+    """g_init: where the person stands at first. `yaw` in radians turns the rest pose, which faces -Y, about +Z."""
+
+    name: str
+    position: Point | list[float]
+    yaw: float
+
+
+class ActionCue(TypedDict):
+    """φ_A: how the motion is to end. `position` is the pelvis joint's; `feet` the left and the right ankle's."""
+
+    name: str
+    action_type: Literal["sit", "stop"]
+    position: Point | list[float]
+    yaw: float
+    feet: NotRequired[list[Point | list[float] | None]]
+
+
+class Task(TypedDict):
+    """A start and the cue that follows it."""
+
+    start: InitialState
+    cue: ActionCue
 
 
 class ProgressSnapshot(TypedDict):
@@ -21,8 +52,8 @@ class BoxNode(TypedDict):
 
     limb: str
     joint: str
-    center: tuple[float, float, float]
-    half_extents: tuple[float, float, float]
+    center: Point
+    half_extents: Point
 
 
 class Skeleton(TypedDict):

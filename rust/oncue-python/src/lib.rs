@@ -3,8 +3,11 @@
 //! One file per noun, each a thin wrapper; [`job`] is the door they all go through, [`error`] the
 //! exceptions they raise. The package around this module is `oncue_core/`, its types `_native.pyi`.
 
+mod arrays;
 mod error;
 mod job;
+mod json;
+mod scene;
 mod skeleton;
 
 use pyo3::prelude::*;
@@ -13,6 +16,9 @@ use pyo3::prelude::*;
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<job::Job>()?;
+    module.add_class::<scene::SceneIndex>()?;
     module.add_function(wrap_pyfunction!(skeleton::skeleton, module)?)?;
+    module.add_function(wrap_pyfunction!(scene::index_scene, module)?)?;
+    module.add_function(wrap_pyfunction!(scene::check_task, module)?)?;
     Ok(())
 }

@@ -20,6 +20,7 @@ impl ActionType {
 
 /// g_init: where the character stands at frame 0 and faces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct InitialState {
     /// The name the artist gave it, for messages.
     pub name: String,
@@ -37,6 +38,7 @@ impl InitialState {
 
 /// φ_A = {q_root, r_root, q_lFoot, q_rFoot}: how the motion is to end.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ActionCue {
     /// The name the artist gave it, for messages.
     pub name: String,
@@ -59,6 +61,7 @@ impl ActionCue {
 
 /// One task: a start and what follows it. Today one cue; the list leaves room for chains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Task {
     pub start: InitialState,
     pub cue: ActionCue,

@@ -1,0 +1,67 @@
+//! The scene W as Python hands it over: arrays of positions and triangles.
+
+use std::sync::Arc;
+
+use glam::Vec3;
+use oncue::Task;
+use oncue::scene::{SceneSettings, check_task as check};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::arrays::rows_of_three;
+use crate::job::{self, Job};
+use crate::json;
+
+/// A scene's triangles, indexed for collision and for finding ways. Immutable.
+#[pyclass(frozen, module = "oncue_core")]
+pub struct SceneIndex {
+    pub inner: Arc<oncue::scene::SceneIndex>,
+}
+
+#[pymethods]
+impl SceneIndex {
+    /// Triangles that have an area.
+    #[getter]
+    fn triangle_count(&self) -> usize {
+        self.inner.triangle_count()
+    }
+
+    /// Smallest and largest corner, world, metres.
+    #[getter]
+    fn bounds(&self) -> ((f32, f32, f32), (f32, f32, f32)) {
+        let (low, high) = self.inner.bounds();
+        (low.into(), high.into())
+    }
+
+    /// World z of the dominant walkable level, metres.
+    #[getter]
+    fn floor_height(&self) -> f32 {
+        self.inner.floor_height()
+    }
+}
+
+/// Indexes the scene of `positions` float32 (n, 3), world, metres, Z up, and `triangles` uint32 (m, 3).
+#[pyfunction]
+#[pyo3(signature = (positions, triangles, settings=None))]
+pub fn index_scene(
+    positions: &Bound<'_, PyAny>,
+    triangles: &Bound<'_, PyAny>,
+    settings: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Job> {
+    let positions: Vec<Vec3> =
+        rows_of_three::<f32>("positions", positions)?.into_iter().map(Vec3::from_array).collect();
+    let triangles = rows_of_three::<u32>("triangles", triangles)?;
+    let settings: SceneSettings = json::from_optional_dict("scene settings", settings)?;
+    Job::start(
+        move |progress| oncue::scene::SceneIndex::build(&positions, &triangles, &settings, progress),
+        |py, scene| Ok(Py::new(py, SceneIndex { inner: Arc::new(scene) })?.into_any()),
+    )
+}
+
+/// Returns where the person can get from the task's start to its cue and do there what it asks; raises InputError with
+/// the reason otherwise. `synthesize` asks the same first.
+#[pyfunction]
+pub fn check_task(py: Python<'_>, scene: &SceneIndex, task: &Bound<'_, PyDict>) -> PyResult<()> {
+    let task: Task = json::from_dict("task", task)?;
+    job::run(py, || check(&scene.inner, &task))
+}
