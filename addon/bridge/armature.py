@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The character: an armature of the core's 22 joints with a mannequin on it, made once and reused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from . import mannequin
+from .names import CHARACTER_KEY, oncue_collection
+
+#: Where a bone of a joint without exactly one child ends, metres from the joint.
+END_TAILS = {
+    "Hips": "Spine",
+    "Spine2": "Neck",
+    "Head": (0.0, 0.0, 0.18),
+    "LeftHand": (0.17, 0.0, 0.0),
+    "RightHand": (-0.17, 0.0, 0.0),
+    "LeftToe": (0.0, -0.07, 0.0),
+    "RightToe": (0.0, -0.07, 0.0),
+}
+#: A joint that was moved further than this from the core's rest pose makes the armature another skeleton, metres.
+REST_TOLERANCE = 1e-4
+
+
+def rest_positions(skeleton: dict) -> np.ndarray:
+    """Joint positions of the rest pose, armature space, metres, shape (joints, 3)."""
+    offsets = np.asarray(skeleton["joint_offsets"], dtype=np.float64)
+    positions = offsets.copy()
+    for joint, parent in enumerate(skeleton["parents"]):
+        if parent is not None and parent >= 0:
+            positions[joint] = positions[parent] + offsets[joint]
+    return positions
+
+
+def find_character(scene: bpy.types.Scene, skeleton: dict) -> bpy.types.Object | None:
+    """The armature to reuse: the one the scene names, else the first of the scene that Oncue made.
+
+    An armature whose joints were renamed or moved is passed over: keys for it would bend it wrongly.
+    """
+    chosen = scene.oncue.character if hasattr(scene, "oncue") else None
+    candidates = [chosen] if chosen else []
+    candidates += [o for o in scene.objects if o.get(CHARACTER_KEY) and o.type == "ARMATURE"]
+    return next((o for o in candidates if o.name in scene.objects and _fits(o, skeleton)), None)
+
+
+def make_character(context: bpy.types.Context, skeleton: dict, metres_per_unit: float = 1.0) -> bpy.types.Object:
+    """A new armature in its T-pose, facing -Y at the world's origin, with the mannequin bound to it."""
+    data = bpy.data.armatures.new("Oncue Character")
+    character = bpy.data.objects.new("Oncue Character", data)
+    character[CHARACTER_KEY] = True
+    character.scale = (1.0 / metres_per_unit,) * 3
+    data.display_type = "STICK"
+    oncue_collection(context).objects.link(character)
+    context.view_layer.update()
+    positions = rest_positions(skeleton)
+    with _editing(context, character):
+        _add_bones(data, skeleton, positions)
+    for bone in character.pose.bones:
+        bone.rotation_mode = "QUATERNION"
+    body = mannequin.make(skeleton, positions)
+    body[CHARACTER_KEY] = True
+    oncue_collection(context).objects.link(body)
+    body.parent = character
+    modifier = body.modifiers.new("Armature", "ARMATURE")
+    modifier.object = character
+    context.view_layer.update()
+    return character
+
+
+def rest_rotations(character: bpy.types.Object, names: list[str]) -> np.ndarray:
+    """Rest rotation of each bone in armature space, shape (joints, 3, 3)."""
+    return np.array([np.array(character.data.bones[name].matrix_local.to_3x3()) for name in names], dtype=np.float64)
+
+
+def _fits(character: bpy.types.Object, skeleton: dict) -> bool:
+    if character.type != "ARMATURE":
+        return False
+    bones = character.data.bones
+    for name, expected in zip(skeleton["names"], rest_positions(skeleton), strict=True):
+        bone = bones.get(name)
+        if bone is None or (Vector(expected) - bone.head_local).length > REST_TOLERANCE:
+            return False
+    return True
+
+
+def _add_bones(data: bpy.types.Armature, skeleton: dict, positions: np.ndarray) -> None:
+    names, parents = list(skeleton["names"]), skeleton["parents"]
+    for joint, name in enumerate(names):
+        bone = data.edit_bones.new(name)
+        bone.head = positions[joint]
+        children = [c for c, p in enumerate(parents) if p == joint]
+        end = END_TAILS.get(name)
+        if isinstance(end, str):
+            bone.tail = positions[names.index(end)]
+        elif end is not None:
+            bone.tail = positions[joint] + np.array(end)
+        else:
+            bone.tail = positions[children[0]]
+        bone.align_roll(_roll_axis(name))
+        if parents[joint] is not None and parents[joint] >= 0:
+            bone.parent = data.edit_bones[names[parents[joint]]]
+            bone.use_connect = False
+
+
+def _roll_axis(name: str) -> Vector:
+    """Where a bone's Z axis points: knees and elbows then bend about X, and both sides mirror."""
+    if name.endswith(("Foot", "Toe")):
+        return Vector((0.0, 0.0, 1.0))
+    if name.endswith(("Leg", "Arm", "Shoulder", "Hand")):
+        return Vector((0.0, 1.0, 0.0))
+    return Vector((0.0, -1.0, 0.0))
+
+
+@contextmanager
+def _editing(context: bpy.types.Context, character: bpy.types.Object) -> Iterator[None]:
+    """Edit mode on `character`; afterwards the active object, its mode and the selection are as they were."""
+    layer = context.view_layer
+    active, selected = layer.objects.active, [o for o in layer.objects if o.select_get()]
+    mode = active.mode if active else "OBJECT"
+    if mode != "OBJECT":
+        bpy.ops.object.mode_set(mode="OBJECT")
+    layer.objects.active = character
+    bpy.ops.object.mode_set(mode="EDIT")
+    try:
+        yield
+    finally:
+        bpy.ops.object.mode_set(mode="OBJECT")
+        for other in layer.objects:
+            other.select_set(other in selected)
+        layer.objects.active = active
+        if mode != "OBJECT":
+            bpy.ops.object.mode_set(mode=mode)

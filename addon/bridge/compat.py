@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What differs between Blender 4.2 and 5.2. Nothing else in the extension asks for the version."""
+
+from __future__ import annotations
+
+import bpy
+
+#: Blender 4.4 put action slots between an action and what it moves.
+SLOTTED_ACTIONS = bpy.app.version >= (4, 4, 0)
+#: Blender 5.0 removed `action.fcurves` and gave `fcurves.new` its `group_name`.
+CHANNELBAG_GROUP_NAMES = bpy.app.version >= (5, 0, 0)
+#: Blender 5.0 asks for the media type before the file format.
+MEDIA_TYPES = bpy.app.version >= (5, 0, 0)
+
+BLENDER_VERSION = bpy.app.version_string
+
+
+class CurveSet:
+    """The F-curves of one action for one object."""
+
+    def __init__(self, action: bpy.types.Action, owner: bpy.types.Object) -> None:
+        self.slot = None
+        if SLOTTED_ACTIONS:
+            self.slot = action.slots.new(id_type="OBJECT", name=owner.name)
+            strip = action.layers.new("Oncue").strips.new(type="KEYFRAME")
+            self._holder = strip.channelbag(self.slot, ensure=True)
+        else:
+            self._holder = action
+
+    def new(self, data_path: str, index: int, group: str) -> bpy.types.FCurve:
+        """A new F-curve for one channel, shown under `group`."""
+        if not SLOTTED_ACTIONS:
+            return self._holder.fcurves.new(data_path, index=index, action_group=group)
+        if CHANNELBAG_GROUP_NAMES:
+            return self._holder.fcurves.new(data_path, index=index, group_name=group)
+        curve = self._holder.fcurves.new(data_path, index=index)
+        curve.group = self._holder.groups.get(group) or self._holder.groups.new(group)
+        return curve
+
+
+def assign_action(owner: bpy.types.Object, action: bpy.types.Action, curves: CurveSet) -> None:
+    """Makes `action` the one that moves `owner`, through its slot where there are slots.
+
+    The view layer of a freshly linked object must have been updated: 4.5 and 5.0 crash otherwise.
+    """
+    data = owner.animation_data or owner.animation_data_create()
+    data.action = action
+    if curves.slot is not None:
+        data.action_slot = curves.slot
+
+
+def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
+    """Every F-curve of an action, whichever slot it belongs to."""
+    if not SLOTTED_ACTIONS:
+        return list(action.fcurves)
+    return [
+        curve
+        for layer in action.layers
+        for strip in layer.strips
+        for bag in strip.channelbags
+        for curve in bag.fcurves
+    ]
+
+
+def use_png(image_settings: bpy.types.ImageFormatSettings) -> None:
+    """Still pictures, 8 bit RGB."""
+    if MEDIA_TYPES:
+        image_settings.media_type = "IMAGE"
+    image_settings.file_format = "PNG"
+    image_settings.color_mode = "RGB"
+
+
+def use_video(render: bpy.types.RenderSettings) -> None:
+    """H264 in an .mp4."""
+    if MEDIA_TYPES:
+        render.image_settings.media_type = "VIDEO"
+    render.image_settings.file_format = "FFMPEG"
+    render.ffmpeg.format = "MPEG4"
+    render.ffmpeg.codec = "H264"
+    render.ffmpeg.constant_rate_factor = "MEDIUM"

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The visible cues of the scene → the core's task: g_init and φ_A (LAMA, section 3.1)."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+
+from ..errors import SceneError
+from .cue_objects import forward_of
+from .names import CUE_KEY
+
+ENDS = ("sit", "stop")
+FEET = ("left_foot", "right_foot")
+#: A facing steeper than this says nothing about a direction on the floor: sine of 80°.
+STEEPEST = math.sin(math.radians(80.0))
+
+
+def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Object]:
+    """The empties of these kinds that the viewport shows, by name. Hidden cues wait for another take."""
+    return sorted(
+        (
+            o
+            for o in context.view_layer.objects
+            if o.get(CUE_KEY) in kinds and not o.hide_viewport and not o.hide_get(view_layer=context.view_layer)
+        ),
+        key=lambda o: o.name,
+    )
+
+
+def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0) -> dict:
+    """The task as the core takes it: metres, radians. Raises SceneError naming the cue that is missing or too many."""
+    start = _only_one(
+        visible_cues(context, "start"),
+        "There is no Start cue: place one where the character begins (Oncue tab, Start).",
+        "There are {count} Start cues ({names}): hide or delete all but one.",
+    )
+    cue = _only_one(
+        visible_cues(context, *ENDS),
+        "There is no Sit or Stop cue: place one where the character is to end (Oncue tab, Sit or Stop).",
+        "There are {count} Sit and Stop cues ({names}): a run fulfils one, so hide or delete the others.",
+    )
+    depsgraph = context.evaluated_depsgraph_get()
+    feet = [_foot(context, depsgraph, kind, cue, metres_per_unit) for kind in FEET]
+    return {
+        "start": {"name": start.name, **_placement(start, depsgraph, metres_per_unit)},
+        "cue": {
+            "name": cue.name,
+            "action_type": cue[CUE_KEY],
+            **_placement(cue, depsgraph, metres_per_unit),
+            "feet": feet,
+        },
+    }
+
+
+def _only_one(cues: list[bpy.types.Object], none: str, many: str) -> bpy.types.Object:
+    if not cues:
+        raise SceneError(none)
+    if len(cues) > 1:
+        raise SceneError(many.format(count=len(cues), names=", ".join(c.name for c in cues)))
+    return cues[0]
+
+
+def _foot(context, depsgraph, kind: str, cue: bpy.types.Object, metres_per_unit: float) -> list[float] | None:
+    """The foot cue that belongs to `cue`: its child, or one without a parent."""
+    feet = [foot for foot in visible_cues(context, kind) if foot.parent in (cue, None)]
+    feet = [foot for foot in feet if foot.parent == cue] or feet
+    if not feet:
+        return None
+    if len(feet) > 1:
+        names = ", ".join(foot.name for foot in feet)
+        raise SceneError(f"{cue.name} has {len(feet)} {kind.replace('_', ' ')} cues ({names}): keep one.")
+    return _position(feet[0], depsgraph, metres_per_unit)
+
+
+def _placement(cue: bpy.types.Object, depsgraph, metres_per_unit: float) -> dict:
+    forward = forward_of(cue.evaluated_get(depsgraph).matrix_world)
+    if not forward.length > 0.5 or abs(forward.z) > STEEPEST:
+        raise SceneError(f"{cue.name} faces straight up or down, or has no size: turn it so that its -Y axis lies level.")
+    return {
+        "position": _position(cue, depsgraph, metres_per_unit),
+        "yaw": math.remainder(math.atan2(forward.y, forward.x) + math.pi / 2, math.tau),
+    }
+
+
+def _position(cue: bpy.types.Object, depsgraph, metres_per_unit: float) -> list[float]:
+    position = [c * metres_per_unit for c in cue.evaluated_get(depsgraph).matrix_world.translation]
+    if not all(math.isfinite(c) for c in position):
+        raise SceneError(f"{cue.name} stands at a place that is not a number: reset its location.")
+    return position

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How Oncue recognises its own objects: custom properties, so that scripts can make them too."""
+
+from __future__ import annotations
+
+import bpy
+
+#: On an empty: "start", "sit", "stop", "left_foot" or "right_foot". The empty faces its local -Y.
+CUE_KEY = "oncue_cue"
+#: On the armature and the meshes of the character: they are no part of the scene.
+CHARACTER_KEY = "oncue_character"
+#: On any object that the character may walk through.
+EXCLUDE_KEY = "oncue_exclude"
+#: On an action: the report of the run that made it, JSON.
+REPORT_KEY = "oncue_report"
+
+COLLECTION_NAME = "Oncue"
+
+
+def oncue_collection(context: bpy.types.Context) -> bpy.types.Collection:
+    """The scene's collection for cues and character, made when it is missing and never a hidden one."""
+    scene = context.scene
+    for collection in scene.collection.children:
+        if collection.name.split(".")[0] == COLLECTION_NAME and _usable(context.view_layer, collection):
+            return collection
+    collection = bpy.data.collections.new(COLLECTION_NAME)
+    scene.collection.children.link(collection)
+    return collection
+
+
+def _usable(view_layer: bpy.types.ViewLayer, collection: bpy.types.Collection) -> bool:
+    layer = view_layer.layer_collection.children.get(collection.name)
+    return layer is not None and not layer.exclude and not layer.hide_viewport and not collection.hide_viewport

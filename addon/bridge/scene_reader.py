@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The evaluated meshes of the scene → one array of world triangles, for the core's scene index.
+
+Modifiers, instances (collections, geometry nodes) and world transforms are in; the character, the cues, what is
+hidden in the viewport, shown as wire or bounds, or excluded, is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import bpy
+import numpy as np
+
+from ..errors import SceneError
+from .names import CHARACTER_KEY, CUE_KEY, EXCLUDE_KEY
+
+#: A scene wider than this is hardly modelled in metres.
+WIDEST_ROOM = 60.0
+
+
+@dataclass
+class SceneMeshes:
+    """W: the scene's triangles, world, metres."""
+
+    #: float32, shape (n, 3).
+    positions: np.ndarray
+    #: uint32, shape (m, 3).
+    triangles: np.ndarray
+    #: How many objects and instances were read.
+    object_count: int = 0
+    #: (object, reason) of each mesh that could not be used.
+    skipped: list[tuple[str, str]] = field(default_factory=list)
+
+
+def read_scene(
+    context: bpy.types.Context,
+    *,
+    exclude: bpy.types.Collection | None = None,
+    metres_per_unit: float = 1.0,
+    scale_confirmed: bool = True,
+) -> SceneMeshes:
+    """Reads the scene as the viewport shows it at the current frame.
+
+    Raises SceneError when nothing can be collided with, and, unless the scale is confirmed, when the scene's size
+    says that it was not modelled in metres.
+    """
+    left_out = set(exclude.all_objects) if exclude else set()
+    depsgraph = context.evaluated_depsgraph_get()
+    positions, triangles, skipped = [], [], []
+    vertex_count, object_count = 0, 0
+    meshes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    for instance in depsgraph.object_instances:
+        evaluated = instance.object
+        if evaluated.type != "MESH" or not instance.show_self:
+            continue
+        owners = _owners(instance)
+        if any(_is_left_out(owner, left_out) for owner in owners):
+            continue
+        name = owners[0].name
+        mesh = evaluated.data
+        key = mesh.as_pointer()
+        if key not in meshes:
+            meshes[key] = _read_mesh(mesh)
+        local, corners = meshes[key]
+        if not len(corners):
+            continue
+        matrix = np.array(instance.matrix_world, dtype=np.float64)
+        with np.errstate(invalid="ignore", over="ignore"):
+            world = ((local @ matrix[:3, :3].T + matrix[:3, 3]) * metres_per_unit).astype(np.float32)
+        if not np.isfinite(world).all():
+            skipped.append((name, f"{name} has vertices that are not numbers; it was left out of the collision."))
+            continue
+        if np.linalg.det(matrix[:3, :3]) < 0.0:
+            # A mirrored object: keep the outside outside.
+            corners = corners[:, ::-1]
+        positions.append(world)
+        triangles.append(corners + np.uint32(vertex_count))
+        vertex_count += len(world)
+        object_count += 1
+
+    if not triangles:
+        broken = f" ({skipped[0][1]})" if skipped else ""
+        raise SceneError(
+            "The scene has no visible mesh to walk on or sit on. Add a floor and furniture, or show what is hidden or excluded."
+            + broken
+        )
+    scene_meshes = SceneMeshes(np.concatenate(positions), np.concatenate(triangles), object_count, skipped)
+    if not scale_confirmed:
+        _check_scale(context.scene, scene_meshes)
+    return scene_meshes
+
+
+def suggested_scale(extent: float, unit_length: float) -> float | None:
+    """Metres per unit that make sense of a scene `extent` units wide, or None when metres do."""
+    if extent <= WIDEST_ROOM:
+        return None
+    if unit_length != 1.0 and 1.0 <= extent * unit_length <= WIDEST_ROOM:
+        return unit_length
+    return 0.01 if extent * 0.01 <= WIDEST_ROOM else 0.001
+
+
+def _check_scale(scene: bpy.types.Scene, meshes: SceneMeshes) -> None:
+    extent = float((meshes.positions.max(axis=0) - meshes.positions.min(axis=0)).max())
+    scale = suggested_scale(extent, scene.unit_settings.scale_length)
+    if scale is not None:
+        word = {0.01: "centimetres", 0.001: "millimetres"}.get(round(scale, 6), "other units")
+        raise SceneError(
+            f"The scene is {extent:.0f} units wide: it seems to be modelled in {word}. Set Scene Scale to {scale:g} "
+            f"metres per unit (or to 1 if it really is that large) and run again."
+        )
+
+
+def _owners(instance: bpy.types.DepsgraphObjectInstance) -> list[bpy.types.Object]:
+    """The original objects that an instance comes from: itself, and what instances it."""
+    owners = [instance.object.original]
+    if instance.is_instance and instance.parent:
+        owners.append(instance.parent.original)
+    return owners
+
+
+def _is_left_out(owner: bpy.types.Object, left_out: set[bpy.types.Object]) -> bool:
+    return (
+        owner in left_out
+        or owner.get(CHARACTER_KEY) is not None
+        or owner.get(CUE_KEY) is not None
+        or bool(owner.get(EXCLUDE_KEY))
+        or owner.display_type in {"WIRE", "BOUNDS"}
+    )
+
+
+def _read_mesh(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Local positions (n, 3) float32 and triangles (m, 3) uint32 of an evaluated mesh."""
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    positions = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+    if not count or not len(positions):
+        return np.empty((0, 3), np.float32), np.empty((0, 3), np.uint32)
+    mesh.attributes["position"].data.foreach_get("vector", positions)
+    # Reading the triangles' loops and looking the vertices up is faster than reading the vertices.
+    loops = np.empty(count * 3, dtype=np.int32)
+    mesh.loop_triangles.foreach_get("loops", loops)
+    corner_vertices = np.empty(len(mesh.loops), dtype=np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertices)
+    return positions.reshape(-1, 3), corner_vertices[loops].astype(np.uint32).reshape(-1, 3)

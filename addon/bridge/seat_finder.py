@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where one would sit on a chair, and facing where: from its selected faces, or from the whole object."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import bmesh
+import bpy
+import numpy as np
+from mathutils import Vector
+
+from ..errors import SceneError
+from .cue_objects import PELVIS_OVER_SEAT, yaw_from_heading
+from .names import CHARACTER_KEY
+
+#: Seats lie between these heights over the object's foot, metres.
+SEAT_HEIGHTS = (0.25, 0.85)
+#: Directions that are tried for the facing, and how far is looked, metres.
+DIRECTIONS, REACH = 24, 1.5
+#: Heights over the seat at which a back, an arm or a wall would be met, metres.
+FEELERS = (0.12, 0.25, 0.40)
+
+
+@dataclass(frozen=True)
+class Seat:
+    """The pelvis joint's target (scene units, world) and the facing (radians from -Y about +Z)."""
+
+    pelvis: Vector
+    yaw: float
+
+
+def seat_of_selection(context: bpy.types.Context, metres_per_unit: float = 1.0) -> Seat:
+    """The seat on the selected faces in edit mode, else on the active mesh object. Raises SceneError."""
+    chair = context.active_object
+    if chair is None or chair.type != "MESH" or not (chair.select_get() or context.mode == "EDIT_MESH"):
+        raise SceneError("Select the chair, or its seat's face in edit mode, and press again.")
+    if context.mode == "EDIT_MESH":
+        center, edge = _selected_faces(chair)
+    else:
+        center, edge = _flattest_part(context, chair, metres_per_unit)
+    heading = _facing(context, center, edge, metres_per_unit)
+    pelvis = center + Vector((0.0, 0.0, PELVIS_OVER_SEAT / metres_per_unit))
+    return Seat(pelvis, yaw_from_heading(heading))
+
+
+def _selected_faces(chair: bpy.types.Object) -> tuple[Vector, Vector]:
+    """Middle of the selected faces and the direction of their longest edge, world."""
+    mesh = bmesh.from_edit_mesh(chair.data)
+    faces = [face for face in mesh.faces if face.select]
+    if not faces:
+        raise SceneError(f"No face of {chair.name} is selected: select the seat's face and press again.")
+    matrix = chair.matrix_world
+    middle, area = Vector(), 0.0
+    edges = []
+    for face in faces:
+        corners = [matrix @ vertex.co for vertex in face.verts]
+        for a, b, c in zip([corners[0]] * (len(corners) - 2), corners[1:], corners[2:], strict=False):
+            size = (b - a).cross(c - a).length / 2
+            middle += (a + b + c) / 3 * size
+            area += size
+        edges += [b - a for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    if area <= 0.0:
+        raise SceneError(f"The selected faces of {chair.name} have no area: select the seat's face.")
+    return middle / area, max(edges, key=lambda edge: Vector((edge.x, edge.y)).length)
+
+
+def _flattest_part(context: bpy.types.Context, chair: bpy.types.Object, metres_per_unit: float) -> tuple[Vector, Vector]:
+    """Middle of the largest level patch at seat height, felt from above, and the object's own X direction."""
+    corners = np.array([chair.matrix_world @ Vector(corner) for corner in chair.bound_box])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    unit = 1.0 / metres_per_unit
+    bottom, top = low[2] + SEAT_HEIGHTS[0] * unit, low[2] + SEAT_HEIGHTS[1] * unit
+    evaluated = chair.evaluated_get(context.evaluated_depsgraph_get())
+    inverse = chair.matrix_world.inverted_safe()
+    hits = []
+    for x in np.linspace(low[0], high[0], 26)[1:-1]:
+        for y in np.linspace(low[1], high[1], 26)[1:-1]:
+            # From under the ceiling of the seat heights: what lies above (arms, a back) is felt by its side.
+            for z in _surfaces_below(evaluated, inverse, chair.matrix_world, x, y, high[2] + unit, bottom):
+                if z <= top:
+                    hits.append((x, y, z))
+                    break
+    if not hits:
+        raise SceneError(
+            f"{chair.name} has no level surface {SEAT_HEIGHTS[0]:.2f}–{SEAT_HEIGHTS[1]:.2f} m high: select the seat's face in edit mode."
+        )
+    hits = np.array(hits)
+    # The seat is the height at which most of the felt points lie together.
+    votes = [(np.abs(hits[:, 2] - z) < 0.03 * unit).sum() for z in hits[:, 2]]
+    patch = hits[np.abs(hits[:, 2] - hits[int(np.argmax(votes)), 2]) < 0.03 * unit]
+    middle = Vector(((patch[:, 0].min() + patch[:, 0].max()) / 2, (patch[:, 1].min() + patch[:, 1].max()) / 2, np.median(patch[:, 2])))
+    return middle, chair.matrix_world.to_3x3() @ Vector((1.0, 0.0, 0.0))
+
+
+def _surfaces_below(evaluated, inverse, matrix, x: float, y: float, start: float, bottom: float):
+    """Heights at which a plumb line meets upward faces of the object, from above."""
+    down = (inverse.to_3x3() @ Vector((0.0, 0.0, -1.0))).normalized()
+    z = start
+    for _ in range(8):
+        hit, location, normal, _ = evaluated.ray_cast(inverse @ Vector((x, y, z)), down)
+        if not hit:
+            return
+        world = matrix @ location
+        if world.z < bottom:
+            return
+        if (inverse.to_3x3().transposed() @ normal).normalized().z > 0.8:
+            yield world.z
+        z = world.z - 1e-4
+
+
+def _facing(context: bpy.types.Context, seat: Vector, edge: Vector, metres_per_unit: float) -> float:
+    """Heading (radians from +X) away from the chair's back and towards free space, along the seat's edges if near."""
+    headings = np.arange(DIRECTIONS) * (math.tau / DIRECTIONS)
+    free = np.array([_free_distance(context, seat, heading, metres_per_unit) for heading in headings])
+    behind = np.roll(free, DIRECTIONS // 2)
+    # A wide free view in front, and something close behind to lean on.
+    view = sum(np.roll(free, shift) for shift in (-2, -1, 0, 1, 2)) / 5
+    score = view + 0.8 * np.clip(0.7 - behind, 0.0, 0.7)
+    best = float(headings[int(np.argmax(score))])
+    along = math.atan2(edge.y, edge.x)
+    snapped = min((along + k * math.pi / 2 for k in range(4)), key=lambda a: abs(math.remainder(a - best, math.tau)))
+    return snapped if abs(math.remainder(snapped - best, math.tau)) < math.radians(25) else best
+
+
+def _free_distance(context: bpy.types.Context, seat: Vector, heading: float, metres_per_unit: float) -> float:
+    """Metres to the first thing in a direction, felt at the heights of a seated trunk."""
+    unit = 1.0 / metres_per_unit
+    direction = Vector((math.cos(heading), math.sin(heading), 0.0))
+    depsgraph = context.evaluated_depsgraph_get()
+    nearest = REACH
+    for height in FEELERS:
+        origin = seat + Vector((0.0, 0.0, height * unit))
+        hit, location, _, _, thing, _ = context.scene.ray_cast(depsgraph, origin, direction, distance=REACH * unit)
+        if hit and thing.get(CHARACTER_KEY) is None:
+            nearest = min(nearest, (location - origin).length * metres_per_unit)
+    return nearest

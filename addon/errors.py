@@ -1,0 +1,6 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the extension itself can say no to. Each message is one sentence for an artist."""
+
+
+class SceneError(Exception):
+    """Something in the scene, the cues or the chosen files keeps the run from starting."""
