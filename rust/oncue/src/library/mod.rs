@@ -7,6 +7,7 @@
 pub mod build;
 pub mod calibration;
 pub mod clip;
+mod mocap_text;
 pub mod contact;
 pub mod feature;
 pub mod file;
@@ -14,10 +15,11 @@ pub mod foot;
 pub mod joint_names;
 pub mod label;
 pub mod mocap_file;
-mod mocap_text;
+pub mod quality;
 pub mod retarget;
 pub mod search;
 pub mod sidecar;
+pub mod starter;
 
 pub use build::{BuiltLibrary, LibrarySettings, Skipped, StarterUse, build};
 pub use clip::{ActionLabel, Clip, MotionLibrary, Segment, Source};

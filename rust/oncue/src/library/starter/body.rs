@@ -1,0 +1,427 @@
+//! From a plan to postures: balance, pelvis, legs, trunk, arms.
+//!
+//! The centre of pressure follows the plan (heel to ball under the standing foot, across in double support); the pelvis
+//! moves as an inverted pendulum above it, which gives the sway over the standing foot, the surge of each step and the
+//! weight shift before the first step. The size of rotations and of arm swing per metre between the feet is that of the
+//! walks named in [`super::foot`]: pelvis ±7° about the vertical and ±4° to the side, shoulders nearly still, upper arms -15° to +10°.
+
+use std::f32::consts::{FRAC_PI_2, TAU};
+
+use glam::{Quat, Vec2, Vec3};
+
+use super::curve::{keyed, mix, pendulum, running_minimum, smooth};
+use super::foot::{FootSample, FootTrack};
+use super::limb::{self, LEG_REACH};
+use super::plan::{Foothold, Plan};
+use super::seat::{self, PELVIS_OVER_SEAT, SeatState};
+use crate::math::planar::rotate;
+use crate::motion::skeleton::{JOINT_COUNT, JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT};
+use crate::motion::{FRAME_RATE, FootContact, Joint, Motion, Posture};
+
+/// Samples to a frame inside the generator.
+const FINE: usize = 4;
+const STEP: f32 = 1.0 / (FRAME_RATE * FINE as f32);
+/// ω of the pendulum, 1/s: g over the height of the centre of mass.
+const OMEGA: f32 = 3.25;
+/// A leg's length with the knee flexed by 14°: nobody walks on straighter ones.
+const EASY_REACH: f32 = 2.0 * LEG_LENGTH * 0.99255;
+/// The pelvis joint's height when standing, metres.
+const STANDING_HEIGHT: f32 = 0.9885;
+
+/// What the whole body follows from, sampled every [`STEP`].
+struct Signals {
+    feet: [Vec<FootSample>; 2],
+    ankles: [Vec<Vec3>; 2],
+    pelvis: Vec<Vec2>,
+    height: Vec<f32>,
+    yaw: Vec<f32>,
+    /// Left ankle ahead of the right along the heading, metres.
+    lead: Vec<f32>,
+    /// Weight: 1 all on the left foot, -1 all on the right.
+    load: Vec<f32>,
+    slow_load: Vec<f32>,
+    /// m/s and m/s² along and to the left of the heading.
+    speed: Vec<f32>,
+    surge: Vec<f32>,
+    sideways: Vec<f32>,
+    seat: Vec<SeatState>,
+}
+
+/// The value of a signal `seconds` later (earlier if negative).
+fn shifted(signal: &[f32], i: usize, seconds: f32) -> f32 {
+    let j = i as f32 + seconds / STEP;
+    signal[(j.round().max(0.0) as usize).min(signal.len() - 1)]
+}
+
+/// Share of the weight on the left foot, as keys over time.
+fn load_keys(plan: &Plan) -> Vec<(f32, f32)> {
+    let mut keys: Vec<(f32, f32)> = vec![(-1.0, 0.5)];
+    let mut landed = -1.0f32;
+    for step in &plan.steps {
+        let standing = if step.side == 0 { 0.0 } else { 1.0 };
+        if step.lift - landed > 0.75 {
+            if landed > 0.0 {
+                keys.push((landed + 0.40, 0.5));
+            }
+            keys.push((step.lift - 0.45, 0.5));
+        }
+        keys.push((step.lift, standing));
+        keys.push((step.land, standing));
+        landed = step.land;
+    }
+    if !plan.steps.is_empty() {
+        keys.push((landed + 0.45, 0.5));
+    }
+    keys
+}
+
+/// Where along a foot, from the ankle forward in metres, the pressure is: keys over time.
+fn pressure_keys(plan: &Plan, side: usize) -> Vec<(f32, f32)> {
+    const STANDING: f32 = 0.045;
+    let mut keys = vec![(-1.0, STANDING)];
+    let mut now = plan.feet;
+    let mut landed = f32::NEG_INFINITY;
+    for step in &plan.steps {
+        let from = now[step.side];
+        let ahead = (step.to.ankle - from.ankle).dot(from.forward());
+        let size = (ahead.abs() / 0.6).min(1.0) * ahead.signum();
+        if step.side == side {
+            if step.lift - landed > 0.9 {
+                keys.push((step.lift - 0.4, STANDING));
+            }
+            keys.push((step.lift, STANDING + 0.075 * size));
+            keys.push((step.land, STANDING - 0.07 * size));
+            landed = step.land;
+        }
+        now[step.side] = step.to;
+    }
+    keys.push((landed.max(0.0) + 0.5, STANDING));
+    keys
+}
+
+fn drift(plan: &Plan, t: f32, rates: [f32; 2], phases: [usize; 2]) -> f32 {
+    let wave = |k: usize| (TAU * rates[k] * t + plan.style.phases[phases[k]]).sin();
+    0.65 * wave(0) + 0.35 * wave(1)
+}
+
+impl Signals {
+    fn of(plan: &Plan) -> Self {
+        let n = (plan.duration / STEP).round() as usize + 1;
+        let time = |i: usize| i as f32 * STEP;
+        let sigma = |seconds: f32| seconds / STEP;
+        let tracks = [FootTrack::new(plan, 0), FootTrack::new(plan, 1)];
+        let seat: Vec<SeatState> = (0..n).map(|i| seat::seat_state(plan, time(i))).collect();
+        let mut feet = [0, 1].map(|s| (0..n).map(|i| tracks[s].sample(time(i))).collect::<Vec<_>>());
+
+        // Heading: between the feet.
+        let middle: Vec<f32> = (0..n).map(|i| 0.5 * (feet[0][i].yaw + feet[1][i].yaw)).collect();
+        let yaw = smooth(&middle, sigma(0.11));
+
+        seat_feet(plan, &seat, &mut feet);
+        let ankles = [0, 1].map(|s| feet[s].iter().map(FootSample::ankle).collect::<Vec<_>>());
+
+        // Pressure and pendulum.
+        let keys = load_keys(plan);
+        let share: Vec<f32> = (0..n).map(|i| keyed(&keys, time(i))).collect();
+        let along = [pressure_keys(plan, 0), pressure_keys(plan, 1)];
+        let pressure: Vec<Vec2> = (0..n)
+            .map(|i| {
+                let t = time(i);
+                let under = |s: usize| {
+                    let hold: Foothold = tracks[s].foothold(t);
+                    hold.ankle + hold.forward() * keyed(&along[s], t)
+                };
+                let sway = Vec2::new(
+                    plan.style.sway * drift(plan, t, [0.13, 0.29], [0, 1]),
+                    0.5 * plan.style.sway * drift(plan, t, [0.19, 0.37], [2, 3]),
+                );
+                under(1).lerp(under(0), share[i]) + rotate(yaw[i], sway)
+            })
+            .collect();
+        let axis = |f: fn(&Vec2) -> f32| {
+            let values = smooth(&pressure.iter().map(f).collect::<Vec<_>>(), sigma(0.02));
+            pendulum(&values, OMEGA, STEP)
+        };
+        let mass: Vec<Vec2> =
+            axis(|p| p.x).into_iter().zip(axis(|p| p.y)).map(|(x, y)| Vec2::new(x, y)).collect();
+        let heading = |i: usize| rotate(yaw[i], Vec2::NEG_Y);
+        let lead: Vec<f32> = (0..n)
+            .map(|i| (ankles[0][i] - ankles[1][i]).truncate().dot(heading(i)) * (1.0 - seat[i].back))
+            .collect();
+        let load: Vec<f32> = share.iter().map(|s| 2.0 * s - 1.0).collect();
+        let velocity = |i: usize| {
+            let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
+            (mass[b] - mass[a]) / ((b - a) as f32 * STEP)
+        };
+        let speed = smooth(&(0..n).map(|i| velocity(i).dot(heading(i))).collect::<Vec<_>>(), sigma(0.25));
+        // The pelvis is behind the centre of mass; in walking it stays above the standing ankle on average.
+        let pelvis: Vec<Vec2> = (0..n)
+            .map(|i| {
+                let standing =
+                    mass[i] + rotate(yaw[i], Vec2::new(0.0, 0.015 + 0.026 * speed[i].clamp(0.0, 1.2)));
+                plan.seat.map_or(standing, |s| standing.lerp(s.pelvis, seat[i].back))
+            })
+            .collect();
+
+        let slope = |values: &[f32], i: usize| {
+            let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
+            (values[b] - values[a]) / ((b - a) as f32 * STEP)
+        };
+        let surge = smooth(&(0..n).map(|i| slope(&speed, i)).collect::<Vec<_>>(), sigma(0.15));
+        let sideways: Vec<f32> = (0..n).map(|i| speed[i] * slope(&yaw, i)).collect();
+        let mut signals = Self {
+            feet,
+            ankles,
+            pelvis,
+            height: vec![0.0; n],
+            yaw,
+            lead: smooth(&lead, sigma(0.05)),
+            slow_load: smooth(&load, sigma(0.13)),
+            load: smooth(&load, sigma(0.055)),
+            speed,
+            surge,
+            sideways: smooth(&sideways, sigma(0.3)),
+            seat,
+        };
+        signals.height = signals.pelvis_height(plan);
+        signals
+    }
+
+    /// As high as the legs reach, smoothly: lowest in double support, highest over the standing foot.
+    fn pelvis_height(&self, plan: &Plan) -> Vec<f32> {
+        let n = self.pelvis.len();
+        let reach = |i: usize, longest: f32| {
+            let rotation = self.pelvis_rotation(plan, i);
+            let within = |s: usize| {
+                let hip = rotation * JOINT_OFFSET[[Joint::LeftUpLeg, Joint::RightUpLeg][s].index()];
+                let ankle = self.ankles[s][i];
+                let across = (self.pelvis[i] + hip.truncate()).distance(ankle.truncate());
+                ankle.z + (longest * longest - across * across).max(0.04).sqrt() - hip.z
+            };
+            within(0).min(within(1))
+        };
+        let standing: Vec<f32> = (0..n).map(|i| reach(i, EASY_REACH).min(STANDING_HEIGHT)).collect();
+        let standing = smooth(&running_minimum(&standing, (0.10 / STEP) as usize), 0.06 / STEP);
+        let seated = |i: usize| plan.seat.map_or(standing[i], |s| s.height + PELVIS_OVER_SEAT).min(1.2);
+        let height: Vec<f32> = (0..n).map(|i| mix(standing[i], seated(i), self.seat[i].down)).collect();
+        // Once more for the way to the seat.
+        (0..n).map(|i| height[i].min(reach(i, LEG_REACH))).collect()
+    }
+
+    fn pelvis_rotation(&self, plan: &Plan, i: usize) -> Quat {
+        let seat = self.seat[i];
+        let size = plan.style.pelvis;
+        let turn = -0.185 * size * self.lead[i];
+        let list = -0.058 * size * self.load[i] * self.walking(i);
+        let tilt = 0.03 + 0.02 * self.speed[i].clamp(-0.5, 1.5) + 0.012 * self.surge[i] + 0.55 * seat.lean
+            - 0.20 * seat.rest;
+        Quat::from_rotation_z(shifted(&self.yaw, i, 0.05) + turn)
+            * Quat::from_rotation_x(tilt)
+            * Quat::from_rotation_y(list)
+    }
+
+    /// How much of the list of walking the pelvis shows: a third when standing, all from 0.8 m/s, none seated.
+    fn walking(&self, i: usize) -> f32 {
+        (0.35 + 0.65 * (self.speed[i].abs() / 0.8).min(1.0)) * (1.0 - self.seat[i].down)
+    }
+
+    fn posture(&self, plan: &Plan, i: usize) -> Posture {
+        let t = i as f32 * STEP;
+        let style = &plan.style;
+        let seat = self.seat[i];
+        let mut world = [Quat::IDENTITY; JOINT_COUNT];
+        let root_position = self.pelvis[i].extend(self.height[i]);
+        let pelvis = self.pelvis_rotation(plan, i);
+        world[Joint::Hips.index()] = pelvis;
+
+        // Trunk: leans with speed and acceleration, against the swing of the pelvis; breathes.
+        let breath = (TAU * 0.24 * t + style.phases[4]).sin();
+        let calm = drift(plan, t, [0.09, 0.21], [5, 6]);
+        let lean = 0.025
+            + style.lean
+            + 0.022 * self.speed[i].clamp(-1.0, 1.6)
+            + 0.035 * self.surge[i].clamp(-2.0, 2.0)
+            + seat.lean
+            + 0.03 * seat.rest
+            + 0.006 * breath
+            + 0.008 * calm;
+        let counter = 0.055 * self.lead[i] * style.pelvis;
+        let side = (0.030 * shifted(&self.slow_load, i, -0.08) + 0.05 * self.sideways[i].clamp(-1.5, 1.5))
+            * (1.0 - seat.down);
+        let thorax = Quat::from_rotation_z(shifted(&self.yaw, i, 0.12) + counter + 0.02 * calm)
+            * Quat::from_rotation_x(lean)
+            * Quat::from_rotation_y(side);
+        let curl = pelvis.inverse() * thorax;
+        for (k, joint) in [Joint::Spine, Joint::Spine1, Joint::Spine2].into_iter().enumerate() {
+            world[joint.index()] = pelvis * Quat::IDENTITY.slerp(curl, (k + 1) as f32 / 3.0);
+        }
+
+        // Head: looks where the path goes, a little down; turns before the body does.
+        let look = shifted(&self.yaw, i, 0.30) - shifted(&self.yaw, i, 0.12);
+        let look = 0.9 * (look / 0.9).tanh() + 0.07 * drift(plan, t, [0.07, 0.17], [7, 0]);
+        let gaze = 0.07
+            + 0.05 * (self.speed[i].abs()).min(1.0)
+            + 0.30 * seat.lean
+            + 0.02 * drift(plan, t, [0.11, 0.05], [3, 7]);
+        let head = Quat::from_rotation_z(shifted(&self.yaw, i, 0.12) + look) * Quat::from_rotation_x(gaze);
+        let nod = thorax.inverse() * head;
+        world[Joint::Neck.index()] = thorax * Quat::IDENTITY.slerp(nod, 0.5);
+        world[Joint::Head.index()] = thorax * nod;
+
+        // Legs.
+        let mut legs = [(Vec3::ZERO, Quat::IDENTITY); 2];
+        for (s, leg) in legs.iter_mut().enumerate() {
+            let [up, low, foot, toe] = LEGS[s];
+            let sample = &self.feet[s][i];
+            let hip = root_position + pelvis * JOINT_OFFSET[up.index()];
+            let knee_yaw = mix(self.yaw[i], sample.yaw, 0.65);
+            let (thigh, shin) = limb::leg(hip, self.ankles[s][i], rotate(knee_yaw, Vec2::NEG_Y).extend(0.0));
+            world[up.index()] = thigh;
+            world[low.index()] = shin;
+            world[foot.index()] = sample.rotation();
+            world[toe.index()] = sample.rotation() * Quat::from_rotation_x(-sample.toe_bend);
+            *leg = (hip, thigh);
+        }
+        self.arms(plan, i, root_position, &legs, breath, &mut world);
+
+        let mut rotations = world;
+        for joint in Joint::ALL {
+            if let Some(parent) = joint.parent() {
+                rotations[joint.index()] =
+                    (world[parent.index()].inverse() * world[joint.index()]).normalize();
+            }
+        }
+        Posture { root_position, rotations }
+    }
+
+    /// Arms swing against the legs, or come to rest on the thighs.
+    fn arms(
+        &self,
+        plan: &Plan,
+        i: usize,
+        root: Vec3,
+        legs: &[(Vec3, Quat); 2],
+        breath: f32,
+        world: &mut [Quat; JOINT_COUNT],
+    ) {
+        let seat = self.seat[i];
+        let thorax = world[Joint::Spine2.index()];
+        let mut neck_base = root;
+        for joint in [Joint::Spine, Joint::Spine1, Joint::Spine2] {
+            let parent = joint.parent().map_or(Quat::IDENTITY, |p| world[p.index()]);
+            neck_base += parent * JOINT_OFFSET[joint.index()];
+        }
+        for s in 0..2 {
+            let sign = if s == 0 { 1.0 } else { -1.0 };
+            let mirror = |q: Quat| if s == 0 { q } else { Quat::from_xyzw(q.x, -q.y, -q.z, q.w) };
+            let [clavicle, upper, lower, hand] = ARMS[s];
+            let swing = -sign * shifted(&self.lead, i, -0.02) * plan.style.arms;
+            let forward = -0.055 + 0.36 * swing + 0.9 * seat.lean * (1.0 - seat.hands);
+            let bend = 0.27
+                + 0.11 * self.speed[i].abs().min(1.4)
+                + 0.34 * shifted(&self.lead, i, -0.05) * -sign * plan.style.arms;
+            let shrug = 0.012 * breath + 0.05 * seat.hands;
+            let shoulder =
+                thorax * mirror(Quat::from_rotation_y(-shrug) * Quat::from_rotation_z(-0.10 * swing));
+            let away = 0.175 + 0.02 * self.speed[i].abs().min(1.5);
+            let hang_upper = thorax
+                * mirror(
+                    Quat::from_rotation_x(-forward)
+                        * Quat::from_rotation_y(FRAC_PI_2 - away)
+                        * Quat::from_rotation_x(0.42),
+                );
+            let hang_lower = hang_upper * mirror(Quat::from_rotation_z(-bend.max(0.10)));
+            let hang_hand = hang_lower * mirror(Quat::from_rotation_x(0.15) * Quat::from_rotation_z(-0.06));
+            let (upper_rotation, lower_rotation, hand_rotation) = if seat.hands > 0.0 {
+                let (hip, thigh) = legs[s];
+                let wrist = hip + thigh * Vec3::new(-0.012 * sign, -0.088, -0.255);
+                let joint = neck_base
+                    + thorax * JOINT_OFFSET[clavicle.index()]
+                    + shoulder * JOINT_OFFSET[upper.index()];
+                let elbow = thorax * Vec3::new(0.62 * sign, 0.75, -0.35);
+                let (u, l) = limb::arm(sign, joint, wrist, elbow);
+                let flat = flat_hand(sign, thigh);
+                let w = seat.hands;
+                (hang_upper.slerp(u, w), hang_lower.slerp(l, w), hang_hand.slerp(l.slerp(flat, 0.8), w))
+            } else {
+                (hang_upper, hang_lower, hang_hand)
+            };
+            world[clavicle.index()] = shoulder;
+            world[upper.index()] = upper_rotation;
+            world[lower.index()] = lower_rotation;
+            world[hand.index()] = hand_rotation;
+        }
+    }
+}
+
+/// A hand that lies on the thigh: fingers towards the knee and a little inwards, palm on it.
+fn flat_hand(sign: f32, thigh: Quat) -> Quat {
+    let fingers = (thigh * Vec3::new(-0.30 * sign, 0.0, -1.0)).normalize();
+    let back = thigh * Vec3::NEG_Y;
+    let x = fingers * sign;
+    let y = back.cross(x).normalize();
+    Quat::from_mat3(&glam::Mat3::from_cols(x, y, x.cross(y)))
+}
+
+const LEGS: [[Joint; 4]; 2] = [
+    [Joint::LeftUpLeg, Joint::LeftLeg, Joint::LeftFoot, Joint::LeftToe],
+    [Joint::RightUpLeg, Joint::RightLeg, Joint::RightFoot, Joint::RightToe],
+];
+const ARMS: [[Joint; 4]; 2] = [
+    [Joint::LeftShoulder, Joint::LeftArm, Joint::LeftForeArm, Joint::LeftHand],
+    [Joint::RightShoulder, Joint::RightArm, Joint::RightForeArm, Joint::RightHand],
+];
+
+/// On high seats the heels rise, then the feet leave the floor.
+fn seat_feet(plan: &Plan, seat: &[SeatState], feet: &mut [Vec<FootSample>; 2]) {
+    let Some(place) = plan.seat else { return };
+    let legs = seat::seated_legs(place.height);
+    if legs.pitch > -0.02 {
+        return;
+    }
+    let ahead = rotate(place.yaw, Vec2::NEG_Y);
+    for (s, samples) in feet.iter_mut().enumerate() {
+        let sign = if s == 0 { 1.0 } else { -1.0 };
+        for (sample, state) in samples.iter_mut().zip(seat) {
+            let w = state.feet;
+            if w <= 0.0 {
+                continue;
+            }
+            if legs.hanging {
+                let across = rotate(place.yaw, Vec2::new(0.10 * sign, 0.0));
+                let hung = FootSample { pitch: legs.pitch, ..*sample };
+                let ankle = (place.pelvis + across + ahead * legs.ankle_ahead).extend(legs.ankle_height);
+                let ball = ankle + hung.rotation() * JOINT_OFFSET[Joint::LeftToe.index()];
+                let lifted = FootSample { pitch: w * legs.pitch, ..*sample };
+                *sample = FootSample { ball: sample.ball.lerp(ball, w), planted: false, ..lifted };
+            } else {
+                sample.pitch = w * legs.pitch;
+                sample.toe_bend = -sample.pitch;
+            }
+        }
+    }
+}
+
+/// The motion of a whole plan at 30 Hz.
+pub fn animate(plan: &Plan) -> Motion {
+    let signals = Signals::of(plan);
+    let frames = (signals.pelvis.len() - 1) / FINE + 1;
+    let postures: Vec<Posture> = (0..frames).map(|f| signals.posture(plan, f * FINE)).collect();
+    let contacts = (0..frames).map(|f| contact(&signals, f * FINE)).collect();
+    Motion { postures, contacts }
+}
+
+/// 1 the ball rests, 0.5 near the floor and slow, 0 otherwise.
+fn contact(signals: &Signals, i: usize) -> FootContact {
+    [0, 1].map(|s| {
+        let track = &signals.feet[s];
+        let (a, b) = (i.saturating_sub(2), (i + 2).min(track.len() - 1));
+        if track[a].planted && track[i].planted && track[b].planted {
+            return 1.0;
+        }
+        let speed = track[a].ball.distance(track[b].ball) / ((b - a) as f32 * STEP);
+        let foot = &track[i];
+        let lowest = foot.ball.z.min(foot.ankle().z - 0.05);
+        if lowest < TOE_HEIGHT + 0.04 && speed < 1.0 { 0.5 } else { 0.0 }
+    })
+}

@@ -1,0 +1,371 @@
+//! Which clips the starter library has.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+use glam::Vec2;
+
+use super::body::animate;
+use super::plan::{Plan, Planner, STANDING_WIDTH, Seat, Seating, Stride};
+use super::seat::seated_legs;
+use super::style::Style;
+use crate::error::Result;
+use crate::library::{ActionLabel, Clip, MotionLibrary, Segment, Source};
+use crate::math::planar::rotate;
+use crate::motion::{FRAME_RATE, Motion};
+use crate::progress::Progress;
+
+/// Seat heights, metres.
+pub const SEAT_HEIGHTS: [f32; 11] = [0.30, 0.34, 0.38, 0.42, 0.46, 0.50, 0.54, 0.59, 0.64, 0.70, 0.75];
+
+/// Seconds of standing before and after what a clip is about.
+const MARGIN: f32 = 0.5;
+
+/// A clip before it is animated: a plan, and from when on it is kept.
+struct Recipe {
+    name: String,
+    plan: Plan,
+    from: f32,
+}
+
+/// All clips and their mirrored copies: procedural motion on the unified skeleton, 30 Hz, floor at z = 0.
+///
+/// The same bytes every time. Fails only when cancelled.
+pub fn generate(progress: &Progress) -> Result<MotionLibrary> {
+    progress.stage("Making the starter library");
+    let recipes = recipes();
+    let mut clips = Vec::with_capacity(2 * recipes.len());
+    for (i, recipe) in recipes.iter().enumerate() {
+        progress.check()?;
+        progress.fraction(i as f32 / recipes.len() as f32);
+        clips.push(make(recipe));
+    }
+    let mirrored: Vec<Clip> = clips.iter().map(Clip::mirror).collect();
+    clips.extend(mirrored);
+    Ok(MotionLibrary { clips })
+}
+
+fn make(recipe: &Recipe) -> Clip {
+    let mut motion = animate(&recipe.plan);
+    let mut segments = segments(&recipe.plan, motion.len());
+    let first = ((recipe.from * FRAME_RATE) as usize).min(motion.len());
+    motion =
+        Motion { postures: motion.postures.split_off(first), contacts: motion.contacts.split_off(first) };
+    segments.retain(|s| s.end > first);
+    for segment in &mut segments {
+        segment.first = segment.first.saturating_sub(first);
+        segment.end -= first;
+        segment.complete = segment.complete.saturating_sub(first);
+    }
+    Clip { name: recipe.name.clone(), source: Source::Procedural, mirrored: false, motion, segments }
+}
+
+/// What happens when, from the plan.
+fn segments(plan: &Plan, frames: usize) -> Vec<Segment> {
+    let mut spans: Vec<(f32, ActionLabel, f32)> = Vec::new();
+    let seated_first = plan.seat.is_some() && plan.seatings.first().is_none_or(|s| !s.down);
+    let resting = if seated_first { ActionLabel::SeatedIdle } else { ActionLabel::Idle };
+    spans.push((0.0, resting, 0.0));
+
+    // Steps less than a second apart make one group.
+    let mut groups: Vec<&[super::plan::Step]> = Vec::new();
+    let mut rest = &plan.steps[..];
+    while !rest.is_empty() {
+        let count = 1 + rest.windows(2).take_while(|w| w[1].lift - w[0].land < 0.8).count();
+        let (group, after) = rest.split_at(count);
+        groups.push(group);
+        rest = after;
+    }
+    for group in groups {
+        let (first, last) = (group[0], group[group.len() - 1]);
+        spans.push((first.lift - 0.35, ActionLabel::Walk, 0.0));
+        let into_seat =
+            plan.seatings.iter().find(|s| s.down && s.start >= last.lift && s.start < last.land + 0.6);
+        if into_seat.is_some() {
+            let begin = group[group.len().saturating_sub(3)].lift - if group.len() <= 3 { 0.35 } else { 0.0 };
+            spans.push((begin, ActionLabel::Sit, 0.0));
+        } else {
+            if group.len() >= 4 {
+                spans.push((group[group.len() - 2].lift, ActionLabel::Stop, last.land + 0.45));
+            }
+            spans.push((last.land + if group.len() >= 4 { 0.55 } else { 0.3 }, ActionLabel::Idle, 0.0));
+        }
+    }
+    for seating in &plan.seatings {
+        if seating.down {
+            if spans.last().is_none_or(|s| s.1 != ActionLabel::Sit) {
+                spans.push((seating.start, ActionLabel::Sit, 0.0));
+            }
+            if let Some(span) = spans.last_mut() {
+                span.2 = seating.end;
+            }
+            spans.push((seating.end + 0.1, ActionLabel::SeatedIdle, 0.0));
+        } else {
+            spans.push((seating.start, ActionLabel::StandUp, seating.end));
+            let walks_on =
+                |s: &super::plan::Step| s.lift > seating.start && s.lift - 0.35 < seating.end + 0.1;
+            if !plan.steps.iter().any(walks_on) {
+                spans.push((seating.end + 0.1, ActionLabel::Idle, 0.0));
+            }
+        }
+    }
+    spans.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let frame = |t: f32| ((t.max(0.0) * FRAME_RATE).round() as usize).min(frames);
+    let mut out: Vec<Segment> = Vec::new();
+    for (i, &(from, label, complete)) in spans.iter().enumerate() {
+        let (first, end) = (frame(from), spans.get(i + 1).map_or(frames, |s| frame(s.0)));
+        if end <= first {
+            continue;
+        }
+        let complete = if complete > 0.0 { frame(complete).clamp(first, end - 1) } else { end - 1 };
+        match out.last_mut() {
+            Some(last) if last.label == label && complete == end - 1 => {
+                (last.end, last.complete) = (end, complete)
+            }
+            _ => out.push(Segment { label, first, end, complete }),
+        }
+    }
+    out
+}
+
+/// The recipes, in the library's order. The style of each follows from its place.
+fn recipes() -> Vec<Recipe> {
+    let mut out = Vec::new();
+    locomotion(&mut out);
+    seats(&mut out);
+    out
+}
+
+fn planner(out: &[Recipe], side: usize) -> Planner {
+    Planner::new(Style::of_clip(out.len() as u64), side)
+}
+
+fn add(out: &mut Vec<Recipe>, name: String, mut planner: Planner, from: f32) {
+    planner.stand(MARGIN + 0.5);
+    out.push(Recipe { name, plan: planner.finish(), from });
+}
+
+/// Turns inside a walk: so many radians a step at most.
+const SHARPEST: f32 = 0.95;
+
+fn locomotion(out: &mut Vec<Recipe>) {
+    for (i, speed) in [0.4, 0.55, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5].into_iter().enumerate() {
+        let mut p = planner(out, i % 2);
+        p.start(speed, 0.0).walk(7 + i % 2, speed, 0.0).stop(speed);
+        add(out, format!("walk {speed:.2} m/s"), p, 0.0);
+    }
+    for speed in [0.5, 0.8, 1.15] {
+        let mut p = planner(out, 0);
+        p.start(speed, 0.0).walk(3, speed, 0.0).walk(3, 0.5 * (speed + 1.1), 0.0).walk(3, 1.1, 0.0);
+        p.walk(2, 0.8, 0.0).stop(0.6);
+        add(out, format!("walk {speed:.2} m/s, change of pace"), p, 0.0);
+    }
+    // Curves, closed by a stop in the curve or after a straight.
+    for (i, radius) in [0.4, 0.6, 0.9, 1.4, 2.2, 3.5].into_iter().enumerate() {
+        for (j, speed) in [0.5f32, 0.8, 1.15].into_iter().enumerate() {
+            if radius < 0.5 && speed > 1.0 {
+                continue;
+            }
+            let mut p = planner(out, (i + j) % 2);
+            let turn = (super::plan::step_length(speed) / radius).min(SHARPEST);
+            p.start(speed, 0.0).walk(1 + j % 2, speed, 0.4 * turn).walk(7, speed, turn);
+            if (i + j) % 2 == 0 {
+                p.walk(1, speed, 0.4 * turn).walk(1, speed, 0.0);
+            }
+            p.stop(speed);
+            add(out, format!("curve {radius:.1} m at {speed:.2} m/s"), p, 0.0);
+        }
+    }
+    for (i, (radius, speed)) in
+        [(0.7f32, 0.7f32), (1.1, 0.9), (1.8, 1.2), (2.6, 1.35)].into_iter().enumerate()
+    {
+        let mut p = planner(out, i % 2);
+        let turn = super::plan::step_length(speed) / radius;
+        p.start(speed, 0.0).walk(1, speed, 0.5 * turn).walk(4, speed, turn).walk(1, speed, 0.0);
+        p.walk(4, speed, -turn).walk(1, speed, 0.0).stop(speed);
+        add(out, format!("S-curve {radius:.1} m at {speed:.2} m/s"), p, 0.0);
+    }
+    // Sharp turns between straights, by either foot.
+    for degrees in [45.0f32, 90.0, 135.0, 180.0] {
+        for (speed, inner) in [(0.65, true), (0.65, false), (1.1, true), (1.1, false)] {
+            let steps = (degrees / 55.0).ceil().max(1.0) as usize;
+            let mut p = planner(out, if inner { 0 } else { 1 });
+            p.start(speed, 0.0).walk(2, speed, 0.0);
+            for k in 0..steps {
+                let slow = if degrees > 60.0 { 0.55 } else { 0.8 };
+                let last = k + 1 == steps;
+                p.step(
+                    speed * if last { 0.9 } else { 0.75 },
+                    if last { 0.8 } else { slow },
+                    degrees.to_radians() / steps as f32,
+                );
+            }
+            p.walk(3, speed, 0.0).stop(speed);
+            add(
+                out,
+                format!(
+                    "walk {speed:.2} m/s, turn {degrees}°, {} foot",
+                    if inner { "inner" } else { "outer" }
+                ),
+                p,
+                0.0,
+            );
+        }
+    }
+    // Turns on the spot, and starts out of them.
+    for degrees in [30.0f32, 45.0, 60.0, 90.0, 120.0, 135.0, 150.0, 180.0] {
+        let pairs = (degrees / 62.0).ceil() as usize;
+        let mut p = planner(out, 0);
+        p.stand(MARGIN).turn_on_spot(degrees.to_radians(), pairs);
+        add(out, format!("turn on the spot {degrees}°"), p, 0.0);
+    }
+    for degrees in [30.0f32, 60.0, 90.0, 135.0, 180.0] {
+        for speed in [0.6, 1.1] {
+            let mut p = planner(out, 0);
+            let first = degrees.min(60.0).to_radians();
+            let count = ((degrees - 60.0) / 60.0).ceil().max(0.0);
+            p.stand(MARGIN + 0.2).step(speed * 0.8, 0.45, first);
+            for _ in 0..count as usize {
+                p.step(speed * 0.8, 0.5, (degrees.to_radians() - first) / count);
+            }
+            p.step(speed, 0.85, 0.0).walk(3, speed, 0.0).stop(speed);
+            add(out, format!("start with a turn of {degrees}° to {speed:.1} m/s"), p, 0.0);
+        }
+    }
+    // A few steps: small corrections of place.
+    for (i, share) in [0.3, 0.5, 0.75].into_iter().enumerate() {
+        let mut p = planner(out, i % 2);
+        p.stand(MARGIN).step(0.6, share, 0.0).close(0.42).stand(1.2);
+        p.step(0.7, share, 0.0)
+            .step(0.7, share, 0.0)
+            .close(0.42)
+            .stand(1.2)
+            .step(0.7, share, 0.25)
+            .close(0.42);
+        add(out, format!("short steps {i}"), p, 0.0);
+    }
+    for (i, left) in [0.15, 0.25, 0.35].into_iter().enumerate() {
+        let mut p = planner(out, 0);
+        p.stand(MARGIN)
+            .side_step(left, 0.42)
+            .side_step(left, 0.40)
+            .side_step(left, 0.40)
+            .stand(1.3)
+            .side_step(left, 0.44);
+        add(out, format!("side steps {i}"), p, 0.0);
+    }
+    for (i, (length, speed)) in [(0.20f32, 0.30f32), (0.32, 0.5), (0.42, 0.7)].into_iter().enumerate() {
+        for turn in [0.0, 0.18] {
+            let mut p = planner(out, i % 2);
+            p.stand(MARGIN + 0.1).back_step(0.6 * length, 0.6 * speed, 0.5 * turn);
+            for _ in 0..5 {
+                p.back_step(length, speed, turn);
+            }
+            p.back_step(0.6 * length, 0.7 * speed, 0.0).close(0.45);
+            add(out, format!("back steps {i}, {turn}"), p, 0.0);
+        }
+    }
+    for i in 0..4 {
+        let mut p = planner(out, 0);
+        p.plan_mut().style.sway = [0.010, 0.020, 0.030, 0.015][i];
+        p.stand(11.0);
+        add(out, format!("idle {i}"), p, 0.0);
+    }
+}
+
+/// The seat behind a person who stands at the planner's place.
+fn seat_behind(p: &Planner, height: f32) -> Seat {
+    let back = rotate(p.yaw(), Vec2::Y) * seated_legs(height).ankle_ahead;
+    Seat { height, pelvis: p.position() + back, yaw: p.yaw() }
+}
+
+/// Seconds from the first lean to sitting.
+fn way_down(height: f32) -> f32 {
+    2.45 - 0.9 * (height - 0.30)
+}
+
+fn sit_down(p: &mut Planner, height: f32) {
+    let seat = seat_behind(p, height);
+    let start = p.now() + 0.05;
+    let end = start + way_down(height);
+    let plan = p.plan_mut();
+    plan.seat = Some(seat);
+    plan.seatings.push(Seating { down: true, start, end });
+    p.stand(0.05 + way_down(height) + 0.1);
+}
+
+fn seats(out: &mut Vec<Recipe>) {
+    for height in SEAT_HEIGHTS {
+        let cm = (100.0 * height).round();
+        for degrees in [0.0f32, 30.0, 60.0, 90.0] {
+            let mut p = planner(out, 0);
+            p.stand(MARGIN + 0.1);
+            if degrees > 0.0 {
+                let pairs = (degrees / 50.0).ceil() as usize;
+                p.turn_on_spot(degrees.to_radians(), pairs);
+            }
+            sit_down(&mut p, height);
+            add(out, format!("sit {cm} cm, turn {degrees}°"), p, 0.0);
+        }
+        // A back step to the seat, then down.
+        let mut p = planner(out, 1);
+        p.stand(MARGIN + 0.1).back_step(0.22, 0.42, 0.0).close(0.42);
+        sit_down(&mut p, height);
+        add(out, format!("sit {cm} cm, back step"), p, 0.0);
+        for degrees in [90.0f32, 135.0, 180.0] {
+            let mut p = planner(out, if degrees > 100.0 { 1 } else { 0 });
+            let from = walk_up_and_turn(&mut p, 0.8, degrees.to_radians());
+            sit_down(&mut p, height);
+            add(out, format!("sit {cm} cm, walk up from {}°", 180.0 - degrees), p, from);
+        }
+        for walk_off in [false, true] {
+            let mut p = planner(out, 0);
+            let seat = seat_behind(&p, height);
+            let plan = p.plan_mut();
+            plan.seat = Some(seat);
+            plan.seatings.push(Seating { down: false, start: 0.8, end: 0.8 + 0.88 * way_down(height) });
+            p.stand(0.8 + 0.88 * way_down(height));
+            if walk_off {
+                p.step(0.8, 0.6, 0.0).walk(2, 0.9, 0.0).stop(0.8);
+            }
+            add(out, format!("stand up {cm} cm{}", if walk_off { " and walk" } else { "" }), p, 0.0);
+        }
+        let mut p = planner(out, 0);
+        let seat = seat_behind(&p, height);
+        p.plan_mut().seat = Some(seat);
+        p.stand(7.0);
+        add(out, format!("seated {cm} cm"), p, 0.0);
+    }
+}
+
+/// Walks towards a seat and turns left by `turn` in front of it; gives the time when it walks evenly.
+fn walk_up_and_turn(p: &mut Planner, speed: f32, turn: f32) -> f32 {
+    p.start(speed, 0.0).walk(1, speed, 0.0);
+    let from = p.now() - 0.2;
+    if p.next == 1 {
+        p.walk(1, speed, 0.0);
+    }
+    p.step(0.8 * speed, 0.75, 0.0);
+    if p.next == 1 {
+        p.step(0.8 * speed, 0.6, 0.0);
+    }
+    let count = (turn / (PI / 3.0)).ceil() as usize;
+    let heading = p.yaw();
+    for k in 0..count {
+        let share = 1.0 / count as f32;
+        // The last of the way is made while turning.
+        let ahead = [0.16, 0.06, 0.0, 0.0][k.min(3)];
+        let (yaw, part) = (p.yaw(), turn * share);
+        let local = rotate(heading - (yaw + 0.5 * part), Vec2::new(0.0, -ahead));
+        p.stride(Stride {
+            forward: -local.y,
+            left: local.x,
+            turn: part,
+            width: STANDING_WIDTH,
+            swing: 0.46,
+            double_support: 0.17,
+        });
+    }
+    p.close(0.40);
+    debug_assert!(turn >= FRAC_PI_2 - 1e-3);
+    from
+}

@@ -1,0 +1,319 @@
+//! One foot's path through its plan: stance, heel rise, swing, heel strike.
+//!
+//! The tables are means over straight walking at 1.0–1.3 m/s of the Open Motion Project by ACCAD / The Ohio State
+//! University (65 strides of `Male1_B*`, CC BY 3.0), measured by `tools/gait_curves.py` and read at twentieths of the
+//! stride; the shapes agree with Winter 1991 (two clearance peaks of the toe with the minimum between, heel strike
+//! with the toe up by some 25°). Steps to the side, round and back have tables of their own.
+
+use std::f32::consts::PI;
+use std::sync::LazyLock;
+
+use glam::{Quat, Vec2, Vec3};
+
+use super::curve::{Spline, ease, minimum_jerk, mix};
+use super::plan::{Foothold, Plan};
+use crate::math::planar::rotate;
+use crate::motion::Joint;
+use crate::motion::skeleton::{HEEL_LENGTH, JOINT_OFFSET, TOE_HEIGHT, TOE_LENGTH};
+
+/// From the ankle to the ball of the foot along the sole, metres.
+const BALL: f32 = -JOINT_OFFSET[Joint::LeftToe.index()].y;
+const HEEL_TO_BALL: f32 = HEEL_LENGTH + BALL;
+
+/// Heel rise: time as a share of rise → lift, pitch in degrees (toe up positive) for forward, level and backward steps.
+const RISE: [(f32, [f32; 3]); 5] = [
+    (0.28, [-3.0, -2.0, 0.0]),
+    (0.48, [-7.5, -4.5, 0.0]),
+    (0.68, [-13.5, -8.5, 0.0]),
+    (0.88, [-22.5, -13.0, 0.0]),
+    (1.0, [-30.0, -16.0, 0.0]),
+];
+
+/// u where the heel strikes: lift is 0, the flat foot 1.
+const STRIKE: f32 = 0.76;
+
+/// A step this far backward lands on the ball and stays there.
+const TOE_FIRST: f32 = 0.25;
+
+/// Swing: u, pitch in degrees, height of the ball over its stance in centimetres; forward, level, backward.
+const SWING: [(f32, [f32; 3], [f32; 3]); 8] = [
+    (0.127, [-43.0, -20.0, 1.5], [5.2, 1.6, 1.2]),
+    (0.218, [-50.0, -20.0, 3.5], [8.3, 3.2, 2.9]),
+    (0.31, [-45.0, -16.0, 5.0], [8.9, 4.5, 4.4]),
+    (0.40, [-33.0, -11.0, 1.0], [6.9, 4.9, 4.9]),
+    (0.49, [-17.0, -6.0, -6.0], [4.4, 4.6, 4.5]),
+    (0.58, [1.0, -1.0, -13.0], [3.6, 3.8, 3.2]),
+    (0.67, [18.0, 3.0, -18.0], [6.2, 2.4, 1.3]),
+    (STRIKE, [25.0, 4.5, -19.0], [8.0, 1.4, 0.0]),
+];
+
+/// After the strike: u, pitch in degrees.
+const FLATTEN: [(f32, [f32; 3]); 3] =
+    [(0.855, [15.0, 3.0, -13.0]), (0.945, [4.0, 0.8, -4.5]), (1.0, [0.0, 0.0, 0.0])];
+
+/// Progress of the ball from one foothold to the next in a forward step.
+const PROGRESS: [(f32, f32); 10] = [
+    (0.0, 0.0),
+    (0.127, 0.034),
+    (0.218, 0.112),
+    (0.31, 0.234),
+    (0.40, 0.384),
+    (0.49, 0.555),
+    (0.58, 0.732),
+    (0.67, 0.892),
+    (STRIKE, 0.989),
+    (0.84, 1.0),
+];
+
+/// A foot at one moment.
+#[derive(Debug, Clone, Copy)]
+pub struct FootSample {
+    /// The Toe joint, world.
+    pub ball: Vec3,
+    pub yaw: f32,
+    /// Radians, toe up positive.
+    pub pitch: f32,
+    /// Radians that the toes are bent up against the foot.
+    pub toe_bend: f32,
+    /// The ball rests.
+    pub planted: bool,
+}
+
+impl FootSample {
+    /// The foot's rotation in the world.
+    pub fn rotation(&self) -> Quat {
+        Quat::from_rotation_z(self.yaw) * Quat::from_rotation_x(-self.pitch)
+    }
+
+    /// The Foot joint, world.
+    pub fn ankle(&self) -> Vec3 {
+        self.ball - self.rotation() * JOINT_OFFSET[Joint::LeftToe.index()]
+    }
+}
+
+/// The Toe joint of a flat foot on `hold`.
+pub fn ball_of(hold: &Foothold) -> Vec2 {
+    hold.ankle + hold.forward() * BALL
+}
+
+/// Height of the Toe joint over its stance when a foot pitched toe up rests on its heel, and the slope.
+fn heel_rest(pitch: f32) -> (f32, f32) {
+    if pitch <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let height = HEEL_TO_BALL * pitch.sin() + TOE_HEIGHT * (pitch.cos() - 1.0);
+    (height, HEEL_TO_BALL * pitch.cos() - TOE_HEIGHT * pitch.sin())
+}
+
+/// One flight from foothold to foothold, with the heel rise before and the flattening after.
+struct Flight {
+    rise: f32,
+    lift: f32,
+    land: f32,
+    flat: f32,
+    from: Foothold,
+    to: Foothold,
+    /// -1 back, 0 level, 1 a full forward step.
+    forward: f32,
+    /// Over time, radians.
+    pitch: Spline,
+    /// Over u, metres.
+    height: Spline,
+    /// Sideways detour round the standing leg, metres.
+    detour: Vec2,
+}
+
+/// Forward, level or backward table value.
+fn blend(values: [f32; 3], forward: f32) -> f32 {
+    if forward >= 0.0 { mix(values[1], values[0], forward) } else { mix(values[1], values[2], -forward) }
+}
+
+impl Flight {
+    fn new(from: Foothold, to: Foothold, lift: f32, land: f32, earliest_rise: f32, other: Foothold) -> Self {
+        let swing = land - lift;
+        let flat = land + swing * (1.0 - STRIKE) / STRIKE;
+        let rise = (lift - (0.6 * swing).clamp(0.16, 0.40)).max(earliest_rise);
+        let (a, b) = (ball_of(&from), ball_of(&to));
+        let heading = 0.5 * (from.yaw + to.yaw);
+        let ahead = (b - a).dot(rotate(heading, Vec2::NEG_Y));
+        let forward = if ahead >= 0.0 { (ahead / 0.75).min(1.0) } else { (ahead / 0.35).max(-1.0) };
+        let forward = forward.signum() * forward.abs().powf(0.8);
+
+        let time = |u: f32| lift + u / STRIKE * swing;
+        let degrees = |v: [f32; 3]| blend(v, forward).to_radians();
+        let mut knots = vec![(rise, 0.0)];
+        knots.extend(RISE.iter().map(|&(v, p)| (mix(rise, lift, v), degrees(p))));
+        knots.extend(SWING.iter().map(|&(u, p, _)| (time(u), degrees(p))));
+        knots.extend(FLATTEN.iter().map(|&(u, p)| (time(u), degrees(p))));
+        let pitch = Spline::new(&knots, (0.0, 0.0));
+
+        let strike_pitch = pitch.at(land);
+        let pitch_slope = (pitch.at(land + 0.002) - pitch.at(land - 0.002)) / 0.004 * swing / STRIKE;
+        let (strike_height, slope) = heel_rest(strike_pitch);
+        // A short step does not lift as high.
+        let reach = ((b - a).length() / 0.3).clamp(0.55, 1.0);
+        let mut knots = vec![(0.0, 0.0)];
+        knots.extend(SWING[..SWING.len() - 1].iter().map(|&(u, _, h)| (u, reach * blend(h, forward) * 0.01)));
+        knots.push((STRIKE, strike_height));
+        let height = Spline::new(&knots, (0.0, slope * pitch_slope));
+
+        // The swinging foot goes round the standing one.
+        let centre = |h: &Foothold| h.ankle + h.forward() * 0.5 * BALL;
+        let (c0, c1, around) = (centre(&from), centre(&to), centre(&other));
+        let side = (c0 - around).perp_dot(rotate(heading, Vec2::NEG_Y)).signum();
+        let outward = rotate(heading, Vec2::new(side, 0.0));
+        let nearest = (0..=20)
+            .map(|i| {
+                let s = i as f32 / 20.0;
+                (0.105
+                    - (c0.lerp(c1, s) - around)
+                        .dot(outward)
+                        .max(0.0)
+                        .hypot(0.6 * (c0.lerp(c1, s) - around).dot(rotate(heading, Vec2::NEG_Y))))
+                    * (PI * s).sin().powi(2)
+            })
+            .fold(0.0, f32::max);
+        Self { rise, lift, land, flat, from, to, forward, pitch, height, detour: outward * nearest }
+    }
+
+    fn sample(&self, t: f32) -> FootSample {
+        let u = (t - self.lift) / (self.land - self.lift) * STRIKE;
+        let (a, b) = (ball_of(&self.from), ball_of(&self.to));
+        let pitch = self.pitch.at(t);
+        let pitch = if u <= 0.0 { pitch.min(0.0) } else { pitch };
+        let yaw = mix(self.from.yaw, self.to.yaw, ease(u, 0.06, 0.76));
+        let backward = (-self.forward).max(0.0);
+        // The toes lie flat until the lift and, where they touch first, from the landing.
+        let toe_weight = ease(u, 0.5, STRIKE).max(1.0 - ease(u, 0.0, 0.36));
+        let toe_bend = (-pitch).max(0.0) * toe_weight;
+        let (rest, _) = heel_rest(pitch);
+        let planted_at_landing = backward > TOE_FIRST && u >= STRIKE && pitch <= 0.0;
+        if u <= 0.0 || u >= 1.0 || planted_at_landing {
+            let at = if u <= 0.0 { a } else { b };
+            return FootSample { ball: at.extend(TOE_HEIGHT), yaw, pitch, toe_bend, planted: true };
+        }
+        let gait = PROGRESS_SPLINE.at(u);
+        let even = minimum_jerk(u / mix(0.92, STRIKE, (backward / TOE_FIRST).min(1.0)));
+        let s = mix(even, gait, self.forward.max(0.0));
+        let mut at = a.lerp(b, s) + self.detour * (PI * s).sin().powi(2);
+        if u > 0.4 && pitch > 0.0 {
+            // Resting on the heel, the ball is behind where it will lie.
+            let back = HEEL_TO_BALL * (1.0 - pitch.cos()) + TOE_HEIGHT * pitch.sin();
+            at -= rotate(yaw, Vec2::NEG_Y) * back;
+        }
+        // Neither the heel nor the tip of the toes, bent less than the foot is pitched, enters the floor.
+        let droop = (-pitch - toe_bend).max(0.0);
+        let rest = rest.max(TOE_LENGTH * droop.sin() - TOE_HEIGHT * (1.0 - droop.cos()));
+        let lifted = if u < STRIKE { soft_maximum(self.height.at(u), rest, 0.004) } else { rest };
+        FootSample { ball: at.extend(TOE_HEIGHT + lifted.max(0.0)), yaw, pitch, toe_bend, planted: false }
+    }
+}
+
+/// The larger of two, rounded over `width` where they cross; never below either.
+fn soft_maximum(a: f32, b: f32, width: f32) -> f32 {
+    let h = (0.5 + 0.5 * (a - b) / width).clamp(0.0, 1.0);
+    mix(b, a, h) + width * h * (1.0 - h)
+}
+
+static PROGRESS_SPLINE: LazyLock<Spline> = LazyLock::new(|| Spline::new(&PROGRESS, (0.0, 0.0)));
+
+/// The whole path of one foot.
+pub struct FootTrack {
+    first: Foothold,
+    flights: Vec<Flight>,
+}
+
+impl FootTrack {
+    pub fn new(plan: &Plan, side: usize) -> Self {
+        let mut now = plan.feet;
+        let mut flights: Vec<Flight> = Vec::new();
+        for step in &plan.steps {
+            if step.side == side {
+                let earliest = flights.last().map_or(f32::NEG_INFINITY, |f| f.flat);
+                flights.push(Flight::new(now[side], step.to, step.lift, step.land, earliest, now[1 - side]));
+            }
+            now[step.side] = step.to;
+        }
+        Self { first: plan.feet[side], flights }
+    }
+
+    pub fn sample(&self, t: f32) -> FootSample {
+        let next = self.flights.partition_point(|f| f.rise <= t);
+        match next.checked_sub(1).map(|i| &self.flights[i]) {
+            Some(flight) if t < flight.flat => flight.sample(t),
+            past => {
+                let hold = past.map_or(self.first, |f| f.to);
+                let ball = ball_of(&hold).extend(TOE_HEIGHT);
+                FootSample { ball, yaw: hold.yaw, pitch: 0.0, toe_bend: 0.0, planted: true }
+            }
+        }
+    }
+
+    /// Where the foot stands or is about to land at `t`.
+    pub fn foothold(&self, t: f32) -> Foothold {
+        let past = self.flights.partition_point(|f| f.lift <= t);
+        past.checked_sub(1).map_or(self.first, |i| self.flights[i].to)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::plan::Planner;
+    use super::super::style::Style;
+    use super::*;
+    use crate::motion::skeleton::ANKLE_HEIGHT;
+
+    fn plans() -> Vec<Plan> {
+        let mut walk = Planner::new(Style::plain(), 0);
+        walk.start(1.2, 0.0).walk(6, 1.2, 0.2).stop(1.2).stand(1.0);
+        let mut turn = Planner::new(Style::plain(), 1);
+        turn.stand(0.6).turn_on_spot(-1.6, 2).stand(0.5).side_step(0.3, 0.45).stand(0.5);
+        let mut back = Planner::new(Style::plain(), 1);
+        back.stand(0.6).back_step(0.3, 0.5, 0.0).back_step(0.3, 0.5, 0.0).close(0.5).stand(1.0);
+        [walk, turn, back].map(Planner::finish).into()
+    }
+
+    #[test]
+    fn no_point_of_the_sole_enters_the_floor() {
+        for plan in plans() {
+            for side in 0..2 {
+                let track = FootTrack::new(&plan, side);
+                for i in 0..(plan.duration * 200.0) as usize {
+                    let f = track.sample(i as f32 / 200.0);
+                    let heel = f.ankle() + f.rotation() * Vec3::new(0.0, HEEL_LENGTH, -ANKLE_HEIGHT);
+                    let toe = f.rotation() * Quat::from_rotation_x(-f.toe_bend);
+                    let tip = f.ball + toe * Vec3::new(0.0, -TOE_LENGTH, -TOE_HEIGHT);
+                    let sole = f.ball + toe * Vec3::new(0.0, 0.0, -TOE_HEIGHT);
+                    for (name, point) in [("heel", heel), ("tip", tip), ("ball", sole)] {
+                        assert!(
+                            point.z > -0.001,
+                            "{name} {point} at {} s of {side}: {f:?}",
+                            i as f32 / 200.0
+                        );
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn planted_balls_rest_and_nothing_jumps() {
+        for plan in plans() {
+            for side in 0..2 {
+                let track = FootTrack::new(&plan, side);
+                let step = 1.0 / 240.0;
+                let samples: Vec<_> =
+                    (0..(plan.duration / step) as usize).map(|i| track.sample(i as f32 * step)).collect();
+                for w in samples.windows(3) {
+                    if w[0].planted && w[1].planted {
+                        assert!(w[0].ball.distance(w[1].ball) < 1e-5);
+                    }
+                    let acceleration = (w[2].ball - 2.0 * w[1].ball + w[0].ball) / (step * step);
+                    assert!(acceleration.length() < 120.0, "{acceleration} {:?}", w[1]);
+                    let pitch = (w[2].pitch - 2.0 * w[1].pitch + w[0].pitch) / (step * step);
+                    assert!(pitch.abs() < 700.0, "{pitch} {:?}", w[1]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,78 @@
+//! Two-bone limbs in closed form.
+
+use glam::{Mat3, Quat, Vec3};
+
+use crate::motion::Joint;
+use crate::motion::skeleton::{JOINT_OFFSET, LEG_LENGTH};
+
+/// The longest reach of a leg: knee flexed by 7°. Straighter, a millimetre would turn the knee by degrees.
+pub const LEG_REACH: f32 = 2.0 * LEG_LENGTH * 0.99813;
+
+const UPPER_ARM: f32 = JOINT_OFFSET[Joint::LeftForeArm as usize].x;
+const FOREARM: f32 = JOINT_OFFSET[Joint::LeftHand as usize].x;
+
+/// World rotations of thigh and shin that put the ankle at `ankle`, with the knee towards `forward`.
+///
+/// Out of reach, the leg points at the ankle.
+pub fn leg(hip: Vec3, ankle: Vec3, forward: Vec3) -> (Quat, Quat) {
+    let span = ankle - hip;
+    let distance = span.length().clamp(0.15, LEG_REACH);
+    let down = span.normalize_or(Vec3::NEG_Z);
+    let ahead = (forward - down * forward.dot(down)).normalize_or(Vec3::NEG_Y);
+    let bend = (LEG_LENGTH * LEG_LENGTH - 0.25 * distance * distance).max(0.0).sqrt();
+    let hinge = ahead.cross(down);
+    let bone = |direction: Vec3| {
+        let z = -direction.normalize();
+        Quat::from_mat3(&Mat3::from_cols(hinge, z.cross(hinge), z))
+    };
+    let thigh = down * (0.5 * distance) + ahead * bend;
+    (bone(thigh), bone(down * distance - thigh))
+}
+
+/// World rotations of upper arm and forearm (`sign` 1 left, -1 right) that put the wrist at `wrist`, elbow towards `elbow`.
+pub fn arm(sign: f32, shoulder: Vec3, wrist: Vec3, elbow: Vec3) -> (Quat, Quat) {
+    let span = wrist - shoulder;
+    let distance = span.length().clamp(0.12, 0.995 * (UPPER_ARM + FOREARM));
+    let along = span.normalize_or(Vec3::NEG_Z);
+    let out = (elbow - along * elbow.dot(along)).normalize_or(Vec3::Y);
+    let near = (distance * distance + UPPER_ARM * UPPER_ARM - FOREARM * FOREARM) / (2.0 * distance);
+    let bend = (UPPER_ARM * UPPER_ARM - near * near).max(0.0).sqrt();
+    let hinge = along.cross(out) * sign;
+    let bone = |direction: Vec3| {
+        let x = direction.normalize() * sign;
+        Quat::from_mat3(&Mat3::from_cols(x, hinge.cross(x), hinge))
+    };
+    let upper = along * near + out * bend;
+    (bone(upper), bone(along * distance - upper))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_leg_reaches_its_ankle_with_a_hinge_at_the_knee(x in -0.3f32..0.3, y in -0.6f32..0.4, z in -0.85f32..-0.3) {
+            let ankle = Vec3::new(x, y, z);
+            prop_assume!(ankle.length() < LEG_REACH);
+            let (thigh, shin) = leg(Vec3::ZERO, ankle, Vec3::NEG_Y);
+            let bone = Vec3::NEG_Z * LEG_LENGTH;
+            prop_assert!((thigh * bone + shin * bone).distance(ankle) < 1e-4);
+            let knee = thigh.inverse() * shin;
+            prop_assert!(knee.y.abs() < 1e-3 && knee.z.abs() < 1e-3 && knee.x * knee.w >= 0.0);
+        }
+
+        #[test]
+        fn an_arm_reaches_its_wrist(x in -0.2f32..0.3, y in -0.35f32..0.1, z in -0.4f32..-0.2, left in any::<bool>()) {
+            let sign = if left { 1.0 } else { -1.0 };
+            let wrist = Vec3::new(x * sign, y, z);
+            prop_assume!(wrist.length() < 0.99 * (UPPER_ARM + FOREARM));
+            let (upper, lower) = arm(sign, Vec3::ZERO, wrist, Vec3::new(0.5 * sign, 0.8, 0.0));
+            prop_assert!((upper * (Vec3::X * sign * UPPER_ARM) + lower * (Vec3::X * sign * FOREARM)).distance(wrist) < 1e-4);
+            // The elbow bends forward: about +Z backwards on the left, forwards on the right.
+            let elbow = upper.inverse() * lower;
+            prop_assert!(elbow.x.abs() < 1e-3 && elbow.y.abs() < 1e-3 && elbow.z * elbow.w * sign <= 0.0);
+        }
+    }
+}

@@ -1,0 +1,305 @@
+//! The footstep plan: where each foot stands, when it lifts and when it lands.
+//!
+//! Walking speed sets step length and cadence: length grows with about the 0.58th power of speed (Grieve & Gear 1966),
+//! double support shrinks with speed (Murray et al. 1966; Winter 1991), feet land about 0.1 m apart and toe out by
+//! 5–7° (Murray et al. 1964).
+
+use glam::Vec2;
+
+use super::style::Style;
+use crate::math::planar::rotate;
+
+/// Where a foot stands: its ankle's projection on the floor, and its yaw (not wrapped).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Foothold {
+    pub ankle: Vec2,
+    pub yaw: f32,
+}
+
+impl Foothold {
+    pub fn forward(&self) -> Vec2 {
+        rotate(self.yaw, Vec2::NEG_Y)
+    }
+}
+
+/// One step of one foot.
+#[derive(Debug, Clone, Copy)]
+pub struct Step {
+    /// 0 left, 1 right.
+    pub side: usize,
+    /// The ball of the foot leaves the floor, seconds.
+    pub lift: f32,
+    /// First touch, seconds.
+    pub land: f32,
+    pub to: Foothold,
+}
+
+/// The way down to a seat or up from it.
+#[derive(Debug, Clone, Copy)]
+pub struct Seating {
+    pub down: bool,
+    /// Seconds: the trunk begins to move.
+    pub start: f32,
+    /// Seconds: seated (down) or upright (up).
+    pub end: f32,
+}
+
+/// The seat that a clip uses; where the pelvis rests on it and the way it faces.
+#[derive(Debug, Clone, Copy)]
+pub struct Seat {
+    /// Metres.
+    pub height: f32,
+    /// Pelvis joint's place on the floor.
+    pub pelvis: Vec2,
+    pub yaw: f32,
+}
+
+/// All that the motion of one clip follows from.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    pub style: Style,
+    /// Where the feet stand at time 0, left and right.
+    pub feet: [Foothold; 2],
+    /// In order of time; one foot is in the air at a time.
+    pub steps: Vec<Step>,
+    pub duration: f32,
+    pub seat: Option<Seat>,
+    /// In order of time. Without any, a clip with a seat is seated throughout.
+    pub seatings: Vec<Seating>,
+}
+
+/// Metres between the ankles while standing.
+pub const STANDING_WIDTH: f32 = 0.17;
+/// Metres between the ankles while walking.
+pub const WALKING_WIDTH: f32 = 0.105;
+const TOE_OUT: f32 = 0.11;
+
+/// Step length in metres at a walking speed in m/s.
+pub fn step_length(speed: f32) -> f32 {
+    0.70 * (speed / 1.4).powf(0.58)
+}
+
+/// Share of a step's time from one foot's touch to the lift of the other's ball; its toes leave a little later,
+/// so this is about two thirds of double support.
+pub fn double_support_share(speed: f32) -> f32 {
+    (0.38 - 0.18 * speed).clamp(0.11, 0.36)
+}
+
+/// Lays down a plan, step after step, from standing at the origin facing -Y.
+pub struct Planner {
+    plan: Plan,
+    /// The body's frame over the last foothold: place and yaw (not wrapped).
+    position: Vec2,
+    yaw: f32,
+    /// Nothing lifts before this.
+    free: f32,
+    /// Time that the last foot landed.
+    landed: f32,
+    /// Side of the next step.
+    pub next: usize,
+}
+
+/// What one step does to the body's frame, and how fast.
+#[derive(Debug, Clone, Copy)]
+pub struct Stride {
+    /// Metres.
+    pub forward: f32,
+    /// Metres.
+    pub left: f32,
+    /// Radians to the left.
+    pub turn: f32,
+    /// Metres between the ankles after it.
+    pub width: f32,
+    /// Seconds from lift to first touch.
+    pub swing: f32,
+    /// Seconds with both feet down before the lift.
+    pub double_support: f32,
+}
+
+impl Planner {
+    pub fn new(style: Style, first_side: usize) -> Self {
+        let foot = |side: usize| foothold(Vec2::ZERO, 0.0, side, STANDING_WIDTH, &style);
+        let feet = [foot(0), foot(1)];
+        let plan = Plan { style, feet, steps: Vec::new(), duration: 0.0, seat: None, seatings: Vec::new() };
+        Self { plan, position: Vec2::ZERO, yaw: 0.0, free: 0.0, landed: 0.0, next: first_side }
+    }
+
+    /// Seconds so far: the last foot's landing or the end of the stand after it.
+    pub fn now(&self) -> f32 {
+        self.free.max(self.landed)
+    }
+
+    pub fn yaw(&self) -> f32 {
+        self.yaw
+    }
+
+    pub fn position(&self) -> Vec2 {
+        self.position
+    }
+
+    pub fn stand(&mut self, seconds: f32) -> &mut Self {
+        self.free = self.now() + seconds;
+        self
+    }
+
+    /// One step with the next foot; the other foot is next after it.
+    pub fn stride(&mut self, stride: Stride) -> &mut Self {
+        let side = self.next;
+        let heading = self.yaw + 0.5 * stride.turn;
+        self.position += rotate(heading, Vec2::new(stride.left, -stride.forward));
+        self.yaw += stride.turn;
+        let lift = self.free.max(self.landed + stride.double_support);
+        let land = lift + stride.swing;
+        let to = foothold(self.position, self.yaw, side, stride.width, &self.plan.style);
+        self.plan.steps.push(Step { side, lift, land, to });
+        self.landed = land;
+        self.next = 1 - side;
+        self
+    }
+
+    /// One walking step at `speed`, of `share` of that speed's length, turning by `turn`.
+    pub fn step(&mut self, speed: f32, share: f32, turn: f32) -> &mut Self {
+        let style = self.plan.style;
+        let length = step_length(speed) * style.length;
+        let duration = length / speed * (0.35 + 0.65 * share);
+        let both = double_support_share(speed) * duration;
+        self.stride(Stride {
+            forward: length * share,
+            left: 0.0,
+            turn,
+            width: WALKING_WIDTH * style.width,
+            swing: duration - both,
+            double_support: both,
+        })
+    }
+
+    /// From standing: weight shifts, a short first step, a nearly full second.
+    pub fn start(&mut self, speed: f32, turn: f32) -> &mut Self {
+        self.stand(0.55);
+        self.step(speed, 0.66, turn).step(speed, 0.9, 0.0)
+    }
+
+    /// `count` steps at `speed`, each turning by `turn`.
+    pub fn walk(&mut self, count: usize, speed: f32, turn: f32) -> &mut Self {
+        for _ in 0..count {
+            self.step(speed, 1.0, turn);
+        }
+        self
+    }
+
+    /// Two shortening steps, the second closing beside the first.
+    pub fn stop(&mut self, speed: f32) -> &mut Self {
+        let slower = (0.8 * speed).max(0.4);
+        self.step(slower, 0.72, 0.0);
+        self.close(0.42)
+    }
+
+    /// The other foot comes beside the one that stands.
+    pub fn close(&mut self, swing: f32) -> &mut Self {
+        self.stride(Stride {
+            forward: 0.0,
+            left: 0.0,
+            turn: 0.0,
+            width: STANDING_WIDTH,
+            swing,
+            double_support: 0.20,
+        })
+    }
+
+    /// Turns on the spot by `total` (radians, left positive) in `count` pairs of steps, the inner foot first.
+    pub fn turn_on_spot(&mut self, total: f32, count: usize) -> &mut Self {
+        let part = total / count as f32;
+        self.next = if total > 0.0 { 0 } else { 1 };
+        for _ in 0..count {
+            for turn in [part, 0.0] {
+                let swing = 0.40 + 0.08 * part.abs();
+                self.stride(Stride {
+                    forward: 0.0,
+                    left: 0.0,
+                    turn,
+                    width: STANDING_WIDTH,
+                    swing,
+                    double_support: 0.17,
+                });
+            }
+        }
+        self
+    }
+
+    /// A side step by `left` metres: out and close.
+    pub fn side_step(&mut self, left: f32, swing: f32) -> &mut Self {
+        self.next = if left > 0.0 { 0 } else { 1 };
+        for (share, both) in [(1.0, 0.2), (0.0, 0.18)] {
+            self.stride(Stride {
+                forward: 0.0,
+                left: left * share,
+                turn: 0.0,
+                width: STANDING_WIDTH,
+                swing,
+                double_support: both,
+            });
+        }
+        self
+    }
+
+    /// One step backwards by `length` metres at `speed`.
+    pub fn back_step(&mut self, length: f32, speed: f32, turn: f32) -> &mut Self {
+        let duration = (length / speed).max(0.5);
+        self.stride(Stride {
+            forward: -length,
+            left: 0.0,
+            turn,
+            width: 0.13,
+            swing: 0.64 * duration,
+            double_support: 0.36 * duration,
+        })
+    }
+
+    /// The plan as it stands, ending now.
+    pub fn finish(mut self) -> Plan {
+        self.plan.duration = self.now();
+        self.plan
+    }
+
+    /// For what a stride cannot say: seats.
+    pub fn plan_mut(&mut self) -> &mut Plan {
+        &mut self.plan
+    }
+}
+
+/// The foothold of `side` under a body frame.
+pub fn foothold(position: Vec2, yaw: f32, side: usize, width: f32, style: &Style) -> Foothold {
+    let sign = if side == 0 { 1.0 } else { -1.0 };
+    Foothold {
+        ankle: position + rotate(yaw, Vec2::new(sign * 0.5 * width, 0.0)),
+        yaw: yaw + sign * TOE_OUT * style.toe_out,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn published_gait_relations_hold() {
+        // Murray: free speed of men about 1.5 m/s at 112 steps/min; slow walks of 0.5 m/s near 75 steps/min.
+        let cadence = |v: f32| 60.0 * v / step_length(v);
+        assert!((108.0..124.0).contains(&cadence(1.5)), "{}", cadence(1.5));
+        assert!((66.0..86.0).contains(&cadence(0.5)), "{}", cadence(0.5));
+        assert!(double_support_share(0.5) > double_support_share(1.4));
+    }
+
+    #[test]
+    fn one_foot_is_in_the_air_at_a_time() {
+        let mut planner = Planner::new(Style::plain(), 0);
+        planner.start(1.2, 0.0).walk(6, 1.2, 0.1).stop(1.2).stand(0.5).turn_on_spot(-2.0, 2).stand(0.5);
+        planner.side_step(0.3, 0.45).back_step(0.3, 0.5, 0.0);
+        let plan = planner.finish();
+        for pair in plan.steps.windows(2) {
+            assert!(
+                pair[1].lift > pair[0].land && pair[0].side != pair[1].side
+                    || pair[1].lift > pair[0].land + 0.1
+            );
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Sitting down, sitting, getting up.
+//!
+//! Phases and angles follow the kinematics of rising from a chair: trunk flexion first, the seat left at about a third of
+//! the time while the trunk is near its greatest flexion (Schenkman et al. 1990; Nuzik et al. 1986), and of sitting down,
+//! which is slower and in the reverse order (Kralj et al. 1990). Lower seats ask for more flexion (Janssen et al. 2002).
+
+use super::curve::{ease, keyed, mix};
+use super::plan::{Plan, Seating};
+use crate::motion::skeleton::{ANKLE_HEIGHT, LEG_LENGTH};
+
+/// The pelvis joint over the seat, metres.
+pub const PELVIS_OVER_SEAT: f32 = 0.10;
+/// The pelvis joint behind the front edge, metres.
+#[cfg(test)]
+pub const PELVIS_BEHIND_EDGE: f32 = 0.22;
+const HIP_BELOW_PELVIS: f32 = 0.02;
+
+/// How the legs rest on a seat of some height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SeatedLegs {
+    /// Ankles ahead of the pelvis joint, metres.
+    pub ankle_ahead: f32,
+    /// Height of the ankles, metres.
+    pub ankle_height: f32,
+    /// Radians, heel up negative.
+    pub pitch: f32,
+    /// The feet leave the floor.
+    pub hanging: bool,
+}
+
+/// Legs of a person on a seat of `height` metres: feet flat up to about 0.54 m, then on the balls of the feet, then hanging.
+pub fn seated_legs(height: f32) -> SeatedLegs {
+    // Shins lean back under the seat on a chair, the feet go forward on a low one.
+    let shin = mix(-14.0, 7.0, ((height - 0.30) / 0.14).clamp(0.0, 1.0)).to_radians();
+    let hip = height + PELVIS_OVER_SEAT - HIP_BELOW_PELVIS;
+    // Thighs slope down by 10° at most, else they would cut the seat's edge.
+    let lowest_knee = hip - LEG_LENGTH * 10f32.to_radians().sin();
+    let knee = (ANKLE_HEIGHT + LEG_LENGTH * shin.cos()).max(lowest_knee);
+    let rise = (knee - hip) / LEG_LENGTH;
+    let ankle_ahead = LEG_LENGTH * ((1.0 - rise * rise).sqrt() - shin.sin());
+    let ankle_height = knee - LEG_LENGTH * shin.cos();
+    // On the ball: the ankle turns about the Toe joint, 0.143 m away and 24.8° up from it when flat.
+    let (radius, flat) = (0.060f32.hypot(0.13), 0.060f32.atan2(0.13));
+    let sine = (ankle_height - (ANKLE_HEIGHT - 0.060)) / radius;
+    if sine <= (flat + 0.75).sin() {
+        SeatedLegs { ankle_ahead, ankle_height, pitch: flat - sine.asin(), hanging: false }
+    } else {
+        SeatedLegs { ankle_ahead, ankle_height, pitch: -0.30, hanging: true }
+    }
+}
+
+/// How far the body is on its way to the seat.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct SeatState {
+    /// 0 over the feet, 1 over the seat.
+    pub back: f32,
+    /// 0 standing height, 1 on the seat.
+    pub down: f32,
+    /// Forward lean beyond standing, radians.
+    pub lean: f32,
+    /// 0 arms hang, 1 hands on the thighs.
+    pub hands: f32,
+    /// 0 upright posture, 1 the posture of sitting (pelvis tilted back).
+    pub rest: f32,
+    /// 0 feet as planned, 1 as [`SeatedLegs`] has them.
+    pub feet: f32,
+}
+
+const SEATED: SeatState = SeatState { back: 1.0, down: 1.0, lean: 0.0, hands: 1.0, rest: 1.0, feet: 1.0 };
+
+/// Greatest forward lean on the way, radians.
+fn greatest_lean(height: f32) -> f32 {
+    mix(43.0, 20.0, ((height - 0.30) / 0.45).clamp(0.0, 1.0)).to_radians()
+}
+
+/// The state of `plan` at `t` seconds.
+pub fn seat_state(plan: &Plan, t: f32) -> SeatState {
+    let Some(seat) = plan.seat else { return SeatState::default() };
+    let current = plan.seatings.iter().rev().find(|s| s.start <= t).or(plan.seatings.first());
+    let Some(&Seating { down, start, end }) = current else { return SEATED };
+    let v = (t - start) / (end - start);
+    let most = greatest_lean(seat.height);
+    if down {
+        SeatState {
+            back: ease(v, 0.06, 0.72),
+            down: ease(v, 0.09, 0.76),
+            lean: most * keyed(&[(0.0, 0.0), (0.47, 1.0), (0.60, 0.97), (1.0, 0.0)], v),
+            hands: ease(v, 0.22, 0.85),
+            rest: ease(v, 0.60, 1.0),
+            feet: ease(v, 0.45, 0.92),
+        }
+    } else {
+        SeatState {
+            back: 1.0 - ease(v, 0.14, 0.84),
+            down: 1.0 - ease(v, 0.26, 0.93),
+            lean: most * keyed(&[(0.0, 0.0), (0.36, 1.0), (0.46, 0.97), (0.96, 0.0)], v),
+            hands: 1.0 - ease(v, 0.24, 0.86),
+            rest: 1.0 - ease(v, 0.0, 0.38),
+            feet: 1.0 - ease(v, 0.0, 0.34),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn legs_of_a_chair_bend_at_right_angles() {
+        let legs = seated_legs(0.45);
+        let (drop, ahead) = (0.53 - legs.ankle_height, legs.ankle_ahead);
+        let knee = 2.0 * (drop.hypot(ahead) / (2.0 * LEG_LENGTH)).acos();
+        assert!((75f32..100.0).contains(&knee.to_degrees()), "{}", knee.to_degrees());
+        assert!(legs.pitch.abs() < 0.02 && !legs.hanging);
+        assert!(seated_legs(0.30).ankle_ahead > legs.ankle_ahead + 0.05);
+        assert!(seated_legs(0.57).pitch < -0.1 && !seated_legs(0.57).hanging);
+        assert!(seated_legs(0.75).hanging);
+    }
+}

@@ -1,0 +1,179 @@
+//! What the starter library promises, over all of its clips.
+
+use std::sync::LazyLock;
+
+use super::catalogue::SEAT_HEIGHTS;
+use super::generate;
+use super::seat::{PELVIS_BEHIND_EDGE, PELVIS_OVER_SEAT};
+use crate::library::quality::{faults, measure};
+use crate::library::{ActionLabel, Clip, MotionLibrary};
+use crate::math::rotation::wrap_angle;
+use crate::motion::{Joint, Posture};
+use crate::progress::Progress;
+
+static LIBRARY: LazyLock<MotionLibrary> = LazyLock::new(|| generate(&Progress::new()).unwrap());
+
+fn clips() -> impl Iterator<Item = &'static Clip> {
+    LIBRARY.clips.iter().filter(|c| !c.mirrored)
+}
+
+fn spans(label: ActionLabel) -> impl Iterator<Item = (&'static Clip, usize, usize, usize)> {
+    clips().flat_map(move |c| {
+        c.segments.iter().filter(move |s| s.label == label).map(move |s| (c, s.first, s.end, s.complete))
+    })
+}
+
+#[test]
+fn ten_minutes_before_mirroring_with_every_label() {
+    let frames: usize = clips().map(|c| c.motion.len()).sum();
+    assert!(frames >= 18_000, "{frames}");
+    for (label, least) in [
+        (ActionLabel::Walk, 240.0),
+        (ActionLabel::Idle, 60.0),
+        (ActionLabel::Sit, 120.0),
+        (ActionLabel::SeatedIdle, 60.0),
+        (ActionLabel::StandUp, 30.0),
+        (ActionLabel::Stop, 60.0),
+    ] {
+        let seconds: usize = spans(label).map(|(_, first, end, _)| end - first).sum();
+        assert!(seconds as f32 / 30.0 > least, "{label:?}: {} s", seconds as f32 / 30.0);
+    }
+}
+
+#[test]
+fn the_same_bytes_every_time() {
+    let again = generate(&Progress::new()).unwrap();
+    let bytes = |library: &MotionLibrary| postcard::to_stdvec(library).unwrap();
+    assert!(bytes(&LIBRARY) == bytes(&again));
+}
+
+#[test]
+fn cancel_is_heard() {
+    let progress = Progress::new();
+    progress.cancel();
+    assert!(matches!(generate(&progress), Err(crate::Error::Cancelled)));
+}
+
+#[test]
+fn no_clip_has_a_fault() {
+    let found: Vec<String> = LIBRARY
+        .clips
+        .iter()
+        .flat_map(|c| faults(&measure(c)).into_iter().map(move |fault| format!("{}: {fault}", c.name)))
+        .collect();
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn segments_tile_their_clip() {
+    for clip in &LIBRARY.clips {
+        assert_eq!(clip.motion.postures.len(), clip.motion.contacts.len());
+        let mut at = 0;
+        for s in &clip.segments {
+            assert!(
+                s.first == at && s.end > s.first && (s.first..s.end).contains(&s.complete),
+                "{}: {s:?}",
+                clip.name
+            );
+            at = s.end;
+        }
+        assert_eq!(at, clip.motion.len(), "{}", clip.name);
+    }
+}
+
+/// The whole turn about the vertical over some frames, radians.
+fn turned(clip: &Clip, first: usize, end: usize) -> f32 {
+    let yaw: Vec<f32> = clip.motion.postures[first..end].iter().map(|p| p.planar().yaw).collect();
+    yaw.windows(2).map(|w| wrap_angle(w[1] - w[0])).sum()
+}
+
+#[test]
+fn walking_covers_its_speeds_and_turns() {
+    let (mut slowest, mut fastest, mut sharpest) = (f32::INFINITY, 0.0f32, 0.0f32);
+    for (clip, first, end, _) in spans(ActionLabel::Walk).filter(|s| s.2 - s.1 > 60) {
+        let p = &clip.motion.postures;
+        let middle = (first + end) / 2;
+        let speed = p[middle + 15].root_position.truncate().distance(p[middle - 15].root_position.truncate());
+        if clip.name.starts_with("walk") {
+            slowest = slowest.min(speed);
+        }
+        fastest = fastest.max(speed);
+        sharpest = sharpest.max(turned(clip, middle - 15, middle + 15).abs());
+    }
+    assert!(slowest < 0.45 && fastest > 1.45 && sharpest > 1.0, "{slowest} {fastest} {sharpest}");
+}
+
+#[test]
+fn sits_cover_heights_and_turns_and_end_on_the_seat() {
+    for height in SEAT_HEIGHTS {
+        let mut turns: Vec<f32> = Vec::new();
+        let word = format!("sit {} cm", (100.0 * height).round());
+        for (clip, first, end, complete) in spans(ActionLabel::Sit).filter(|s| s.0.name.starts_with(&word)) {
+            let seated = &clip.motion.postures[complete];
+            assert!((seated.root_position.z - height - PELVIS_OVER_SEAT).abs() < 0.005, "{}", clip.name);
+            let last = clip.motion.postures.last().unwrap();
+            assert!(last.root_position.distance(seated.root_position) < 0.01, "{}", clip.name);
+            assert!(end > complete && clip.motion.len() - complete >= 15);
+            turns.push(turned(clip, 0, complete).to_degrees());
+            let _ = first;
+        }
+        for wanted in [0.0, 30.0, 60.0, 90.0, 135.0, 180.0] {
+            assert!(
+                turns.iter().any(|t| (t - wanted).abs() < 12.0),
+                "{word}: no turn of {wanted}° in {turns:?}"
+            );
+        }
+    }
+}
+
+/// Shins, seen as lines, stay out of a box seat; so do the feet.
+#[test]
+fn shins_stay_out_of_the_seat() {
+    for (clip, _, _, complete) in spans(ActionLabel::Sit) {
+        let seat = clip.motion.postures[complete].planar();
+        let top = clip.motion.postures[complete].root_position.z - PELVIS_OVER_SEAT;
+        for (f, posture) in clip.motion.postures.iter().enumerate() {
+            let pose = posture.pose();
+            for (knee, foot) in [(Joint::LeftLeg, Joint::LeftFoot), (Joint::RightLeg, Joint::RightFoot)] {
+                for k in 0..=10 {
+                    let point = pose.position(knee).lerp(pose.position(foot), k as f32 / 10.0);
+                    let local = seat.point_to_local(point.truncate());
+                    let behind_edge = local.y + PELVIS_BEHIND_EDGE;
+                    let inside =
+                        behind_edge > 0.0 && behind_edge < 0.45 && local.x.abs() < 0.25 && point.z < top;
+                    assert!(
+                        !inside,
+                        "{} frame {f}: {behind_edge} m behind the edge at height {}",
+                        clip.name, point.z
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// Largest distance of head, hands and feet between two postures, each seen from its own place and facing.
+fn apart(a: &Posture, b: &Posture) -> f32 {
+    let b = b.moved(b.planar(), a.planar());
+    let (p, q) = (a.pose(), b.pose());
+    [Joint::Head, Joint::LeftHand, Joint::RightHand, Joint::LeftFoot, Joint::RightFoot]
+        .into_iter()
+        .map(|j| p.position(j).distance(q.position(j)))
+        .fold(0.0, f32::max)
+}
+
+#[test]
+fn a_sit_begins_as_walking_or_standing_looks() {
+    let others: Vec<&Posture> = clips()
+        .flat_map(|c| c.segments.iter().map(move |s| (c, s)))
+        .filter(|(c, s)| {
+            matches!(s.label, ActionLabel::Walk | ActionLabel::Idle) && !c.name.starts_with("sit")
+        })
+        .flat_map(|(c, s)| &c.motion.postures[s.first..s.end])
+        .collect();
+    for (clip, first, _, _) in spans(ActionLabel::Sit) {
+        let start = &clip.motion.postures[first];
+        let nearest = others.iter().map(|p| apart(start, p)).fold(f32::INFINITY, f32::min);
+        assert!(nearest < 0.12, "{} begins {nearest} m from any walk", clip.name);
+    }
+}
