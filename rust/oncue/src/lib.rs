@@ -12,15 +12,21 @@
 //!
 //! One space everywhere, Blender's: right-handed, Z up, metres, quaternions w first at the borders.
 
+pub mod controller;
 pub mod cue;
 pub mod error;
 pub mod job;
 pub mod library;
 pub mod math;
+pub mod metrics;
 pub mod motion;
 pub mod nn;
 pub mod progress;
+pub mod report;
 pub mod scene;
+pub mod settings;
+pub mod synthesize;
+pub mod synthesizer;
 
 pub use cue::{ActionCue, ActionType, InitialState, Task};
 pub use error::{Error, Result};
@@ -28,3 +34,6 @@ pub use job::Job;
 pub use library::MotionLibrary;
 pub use motion::{Motion, Posture};
 pub use progress::Progress;
+pub use scene::SceneIndex;
+pub use settings::Settings;
+pub use synthesize::{Synthesis, synthesize};

@@ -9,6 +9,7 @@ pub mod calibration;
 pub mod clip;
 mod mocap_text;
 pub mod contact;
+pub mod database;
 pub mod feature;
 pub mod file;
 pub mod foot;

@@ -1,0 +1,120 @@
+//! Runs the main job on the tasks of a `rooms.tsv` and prints a table; with `--out` also writes each motion
+//! and report as JSON.
+//!
+//! `cargo run --release --example rooms -- FOLDER [--task ROOM[:N]]… [--library FILE_OR_FOLDER]… [--seed N]
+//! [--settings JSON] [--out FOLDER]`
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use oncue::library::LibrarySettings;
+use oncue::scene::SceneIndex;
+use oncue::{MotionLibrary, Progress, Settings, synthesize};
+
+type AnyError = Box<dyn std::error::Error>;
+
+struct Arguments {
+    folder: PathBuf,
+    tasks: Vec<String>,
+    library: Vec<PathBuf>,
+    seed: u64,
+    settings: Settings,
+    out: Option<PathBuf>,
+}
+
+fn arguments() -> Result<Arguments, AnyError> {
+    let mut words = std::env::args().skip(1);
+    let folder = words.next().ok_or("the folder of rooms.tsv is missing")?.into();
+    let mut a = Arguments {
+        folder,
+        tasks: Vec::new(),
+        library: Vec::new(),
+        seed: 1,
+        settings: Settings::default(),
+        out: None,
+    };
+    while let Some(word) = words.next() {
+        let value = words.next().ok_or("an option lacks its value")?;
+        match word.as_str() {
+            "--task" => a.tasks.push(value),
+            "--library" => a.library.push(value.into()),
+            "--seed" => a.seed = value.parse()?,
+            "--settings" => a.settings = serde_json::from_str(&value)?,
+            "--out" => a.out = Some(value.into()),
+            other => return Err(format!("unknown option {other}").into()),
+        }
+    }
+    Ok(a)
+}
+
+fn main() -> Result<(), AnyError> {
+    let a = arguments()?;
+    let progress = Progress::new();
+    let library = library(&a.library, &progress)?;
+    println!("library: {} clips, {} frames", library.clips.len(), library.frame_count());
+    println!(
+        "room:task                                seconds index updates  cm     deg  skate contact pen%  body%  path/shortest  kept"
+    );
+    let mut scene: Option<(String, SceneIndex)> = None;
+    for row in common::rooms::read(&a.folder) {
+        let name = format!("{}:{}", row.room, row.number);
+        if !a.tasks.is_empty() && !a.tasks.iter().any(|t| *t == name || *t == row.room) {
+            continue;
+        }
+        let lap = Instant::now();
+        if scene.as_ref().is_none_or(|(room, _)| *room != row.room) {
+            let mesh = common::glb::read(&a.folder.join(format!("{}.glb", row.room)));
+            let index = SceneIndex::build(&mesh.positions, &mesh.triangles, &a.settings.scene, &progress)?;
+            scene = Some((row.room.clone(), index));
+        }
+        let indexed = lap.elapsed().as_secs_f32();
+        let Some((_, index)) = &scene else { continue };
+        match synthesize(index, &library, &row.task, &a.settings, a.seed, &progress) {
+            Err(error) => println!("{name:40} {error}"),
+            Ok(done) => {
+                let r = &done.report;
+                let c = &r.cues[0];
+                println!(
+                    "{name:40} {:6.1} {indexed:5.2} {:5} {:6.1} {:6.1} {:6.2} {:6.2} {:5.1} {:6.1} {:5.1}/{:4.1}  {}/{} {}",
+                    lap.elapsed().as_secs_f32(),
+                    r.updates,
+                    c.pelvis_cm,
+                    c.facing_degrees,
+                    r.foot.skate_cm,
+                    r.foot.contact_cm,
+                    r.penetration.percent,
+                    r.penetration.whole_body_percent,
+                    r.path_m,
+                    r.shortest_path_m,
+                    r.rollouts_succeeded,
+                    r.rollouts,
+                    r.problems.join(" ")
+                );
+                if let Some(out) = &a.out {
+                    std::fs::create_dir_all(out)?;
+                    let positions: Vec<_> = done.motion.postures.iter().map(|p| p.pose().positions).collect();
+                    let json = serde_json::json!({
+                        "name": name, "positions": positions, "contacts": done.motion.contacts,
+                        "report": done.report, "cue": row.task.cue, "floor": row.task.start.position.z,
+                    });
+                    std::fs::write(out.join(format!("{}-{}.json", row.room, row.number)), json.to_string())?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A library file is read as it is; anything else is built, the starter library filling in what it lacks.
+fn library(paths: &[PathBuf], progress: &Progress) -> Result<MotionLibrary, AnyError> {
+    if let [file] = paths
+        && file.is_file()
+        && file.extension().is_some_and(|e| e == "oncue")
+    {
+        return Ok(MotionLibrary::read(file)?);
+    }
+    Ok(oncue::library::build(paths, &LibrarySettings::default(), progress)?.library)
+}

@@ -1,0 +1,164 @@
+//! The motion that is kept: the best of many rollouts of the policy from the task's start, then the
+//! best of rollouts that branch off it.
+//!
+//! The paper keeps whatever the policy plays. Drawing a few hundred takes a fraction of a second, and
+//! the policy proposes all of them, so the best is never worse than the paper's.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+
+use super::episode::{Environment, Episode, EpisodeEnd, Tally};
+use super::policy::{Draw, Policy, draw};
+use crate::error::Result;
+use crate::motion::{FRAME_RATE, Motion};
+use crate::nn::Activations;
+use crate::progress::Progress;
+
+/// The kept motion and its figures.
+#[derive(Debug, Clone)]
+pub struct KeptMotion {
+    /// From the first frame (standing at the start) to the completed action.
+    pub motion: Motion,
+    pub end: EpisodeEnd,
+    pub tally: Tally,
+    /// Rollouts that were played, and how many of them met the cue.
+    pub rollouts: usize,
+    pub succeeded: usize,
+    /// The episode, to be played on.
+    pub episode: Episode,
+}
+
+/// A rollout: the decisions that make it, and what it is worth.
+#[derive(Debug, Clone)]
+struct Candidate {
+    seed: u64,
+    draws: Vec<Draw>,
+    end: EpisodeEnd,
+    tally: Tally,
+    /// Lower is better.
+    cost: f32,
+}
+
+/// Plays the policy from the task's start and keeps the best motion.
+pub fn keep_motion(
+    environment: &Environment,
+    policy: &Policy,
+    seed: u64,
+    progress: &Progress,
+) -> Result<KeptMotion> {
+    let settings = &environment.settings.kept;
+    let map = policy.normalizer.map();
+    let mut best: Option<Candidate> = None;
+    let (mut rollouts, mut succeeded) = (0, 0);
+    for round in 0..=settings.rounds {
+        let branch = best.clone();
+        let played: Vec<Candidate> = (0..settings.rollouts as u64)
+            .into_par_iter()
+            .filter(|_| !progress.is_cancelled())
+            .map(|i| {
+                let own = seed.wrapping_add(1 + i + ((round as u64) << 32));
+                match &branch {
+                    Some(best) => {
+                        let mut rng = Pcg64::seed_from_u64(own);
+                        let keep = rng.random_range(0..best.draws.len().max(1));
+                        play(environment, policy, &map, best.seed, &best.draws[..keep], own, 0.7)
+                    }
+                    // The first is the policy's mean.
+                    None => play(environment, policy, &map, own, &[], own, if i == 0 { 0.0 } else { 0.8 }),
+                }
+            })
+            .collect();
+        progress.check()?;
+        progress.fraction((round + 1) as f32 / (settings.rounds + 1) as f32);
+        rollouts += played.len();
+        succeeded += played.iter().filter(|c| environment.succeeded(c.end, &c.tally)).count();
+        for candidate in played {
+            if best.as_ref().is_none_or(|b| candidate.cost < b.cost) {
+                best = Some(candidate);
+            }
+        }
+    }
+    let best = best.ok_or(crate::error::Error::Cancelled)?;
+    let episode = record(environment, &best);
+    Ok(KeptMotion {
+        motion: episode.record.clone().unwrap_or_default(),
+        end: best.end,
+        tally: best.tally,
+        rollouts,
+        succeeded,
+        episode,
+    })
+}
+
+fn play(
+    environment: &Environment,
+    policy: &Policy,
+    map: &[(f32, f32)],
+    start_seed: u64,
+    prefix: &[Draw],
+    seed: u64,
+    spread: f32,
+) -> Candidate {
+    let mut rng = Pcg64::seed_from_u64(seed);
+    let mut episode = environment.begin(&mut Pcg64::seed_from_u64(start_seed));
+    let mut state = vec![0.0; policy.state_size()];
+    let mut activations = Activations::default();
+    let mut draws = Vec::new();
+    let end = loop {
+        let observation = environment.observe(&episode, &mut state);
+        let drawn = match prefix.get(draws.len()) {
+            Some(drawn) => drawn.clone(),
+            None => {
+                Policy::normalize(&mut state, map);
+                let means = policy.means(&state, 1, &mut activations);
+                let mean: Vec<f32> = means.iter().zip(&observation.proposal).map(|(m, p)| m + p).collect();
+                draw(&mean, observation.allowed, &policy.log_std, spread, &mut rng)
+            }
+        };
+        let outcome = environment.step(&mut episode, &observation, &drawn);
+        draws.push(drawn);
+        if let Some(end) = outcome.end {
+            break end;
+        }
+    };
+    let cost = cost(environment, end, &episode);
+    Candidate { seed: start_seed, draws, end, tally: episode.tally, cost }
+}
+
+/// Plays a candidate again, keeping every posture.
+fn record(environment: &Environment, candidate: &Candidate) -> Episode {
+    let mut episode = environment.begin(&mut Pcg64::seed_from_u64(candidate.seed));
+    episode.record =
+        Some(Motion { postures: vec![episode.character.posture], contacts: vec![episode.character.contact] });
+    let mut state = vec![0.0; environment.state_size()];
+    for drawn in &candidate.draws {
+        let observation = environment.observe(&episode, &mut state);
+        environment.step(&mut episode, &observation, drawn);
+    }
+    episode
+}
+
+/// What an artist would mind, in one number: a missed cue most, then limbs in furniture, then visible
+/// transitions, detours and dawdling.
+fn cost(environment: &Environment, end: EpisodeEnd, episode: &Episode) -> f32 {
+    let tally = &episode.tally;
+    let seconds = tally.frames as f32 / FRAME_RATE;
+    if end != EpisodeEnd::Complete {
+        let left = environment.path.distance(episode.character.planar.position).min(50.0);
+        return 1e4 + 100.0 * left - seconds;
+    }
+    let missed = if environment.succeeded(end, tally) { 0.0 } else { 1e3 };
+    let shortest = environment.path.distance(environment.task.start.planar().position).min(50.0);
+    missed
+        + 30.0 * tally.residual
+        + 4.0 * tally.facing
+        + 0.5 * tally.penetrating as f32
+        + 0.08 * tally.touching as f32
+        + 0.01 * tally.crossings as f32
+        + 1.5 * tally.worst_transition
+        + 0.15 * tally.transition
+        + 0.8 * (tally.travelled - shortest).max(0.0)
+        + 0.25 * seconds
+        + 0.02 * tally.offset / FRAME_RATE
+}

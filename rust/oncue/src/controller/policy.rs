@@ -1,0 +1,217 @@
+//! π and its value function: the paper's networks, and what they need beside them to be used again.
+
+use rand::{Rng, RngExt};
+use rand_distr::{Distribution, StandardNormal};
+use serde::{Deserialize, Serialize};
+
+use crate::cue::ActionType;
+use crate::nn::{Activations, Mlp};
+use crate::settings::Settings;
+
+/// Observations are cut off this many standard deviations from the mean (released: 10).
+const CLIP: f32 = 10.0;
+
+/// Mean and variance of every number of the state, learnt while rolling out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Normalizer {
+    count: f64,
+    mean: Vec<f64>,
+    square: Vec<f64>,
+}
+
+impl Normalizer {
+    pub fn new(size: usize) -> Self {
+        Self { count: 0.0, mean: vec![0.0; size], square: vec![0.0; size] }
+    }
+
+    /// Takes in `rows` of states.
+    pub fn update(&mut self, rows: &[f32]) {
+        let size = self.mean.len();
+        for row in rows.chunks_exact(size) {
+            self.count += 1.0;
+            for ((mean, square), &x) in self.mean.iter_mut().zip(&mut self.square).zip(row) {
+                let x = f64::from(x);
+                let delta = x - *mean;
+                *mean += delta / self.count;
+                *square += delta * (x - *mean);
+            }
+        }
+    }
+
+    /// The affine map (scale, shift) that normalises each number.
+    pub fn map(&self) -> Vec<(f32, f32)> {
+        self.mean
+            .iter()
+            .zip(&self.square)
+            .map(|(&mean, &square)| {
+                if self.count < 2.0 {
+                    return (1.0, 0.0);
+                }
+                // A number that hardly varies must not become noise.
+                let std = (square / self.count).sqrt().max(0.05);
+                ((1.0 / std) as f32, (-mean / std) as f32)
+            })
+            .collect()
+    }
+}
+
+/// π(a_t | s_t) and V(s_t).
+///
+/// The policy's output: a logit for each action type, then the mean of the continuous action vector
+/// (both on top of what the environment proposes, see [`super::state::Observation`]).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Policy {
+    pub policy: Mlp,
+    pub value: Mlp,
+    /// Log standard deviation of each number of the action vector.
+    pub log_std: Vec<f32>,
+    pub normalizer: Normalizer,
+}
+
+/// Logits in front of the action vector.
+pub const TYPE_COUNT: usize = ActionType::ALL.len();
+
+impl Policy {
+    pub fn new(state_size: usize, settings: &Settings, rng: &mut impl Rng) -> Self {
+        let vector_size = settings.signal.vector_size();
+        let sizes = |hidden: &[usize], outputs: usize| {
+            let mut sizes = vec![state_size];
+            sizes.extend_from_slice(hidden);
+            sizes.push(outputs);
+            sizes
+        };
+        let future = settings.signal.future_size();
+        let mut log_std = vec![settings.ppo.log_std_offset; vector_size];
+        log_std[..future].fill(settings.ppo.log_std_future);
+        Self {
+            policy: Mlp::new(&sizes(&settings.ppo.policy_layers, TYPE_COUNT + vector_size), 0.01, rng),
+            value: Mlp::new(&sizes(&settings.ppo.value_layers, 1), 0.01, rng),
+            log_std,
+            normalizer: Normalizer::new(state_size),
+        }
+    }
+
+    pub fn state_size(&self) -> usize {
+        self.policy.input_size()
+    }
+
+    pub fn vector_size(&self) -> usize {
+        self.log_std.len()
+    }
+
+    /// Applies the normaliser in place; `map` from [`Normalizer::map`].
+    pub fn normalize(states: &mut [f32], map: &[(f32, f32)]) {
+        for row in states.chunks_exact_mut(map.len()) {
+            for (x, (scale, shift)) in row.iter_mut().zip(map) {
+                *x = (*x * scale + shift).clamp(-CLIP, CLIP);
+            }
+        }
+    }
+
+    /// Means (logits, then vector) of normalised states, `rows × (TYPE_COUNT + vector_size)`, without the proposals.
+    pub fn means<'a>(&self, states: &[f32], rows: usize, activations: &'a mut Activations) -> &'a [f32] {
+        self.policy.forward(states, rows, activations);
+        activations.output()
+    }
+}
+
+/// One draw from π.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Draw {
+    pub action_type: usize,
+    pub vector: Vec<f32>,
+    pub log_probability: f32,
+}
+
+/// Draws an action; `greedy` takes the mean and the likeliest type.
+pub fn draw(
+    mean: &[f32],
+    allowed: [bool; TYPE_COUNT],
+    log_std: &[f32],
+    spread: f32,
+    rng: &mut impl Rng,
+) -> Draw {
+    let (logits, mean) = mean.split_at(TYPE_COUNT);
+    let p = type_probabilities(logits, allowed);
+    let action_type = if spread > 0.0 {
+        let mut u: f32 = rng.random();
+        let mut chosen = 0;
+        for (i, p) in p.iter().enumerate() {
+            if *p > 0.0 {
+                chosen = i;
+                if u < *p {
+                    break;
+                }
+                u -= p;
+            }
+        }
+        chosen
+    } else {
+        (0..TYPE_COUNT).max_by(|a, b| p[*a].total_cmp(&p[*b])).unwrap_or(0)
+    };
+    let vector: Vec<f32> = mean
+        .iter()
+        .zip(log_std)
+        .map(|(m, s)| {
+            let n: f32 = StandardNormal.sample(rng);
+            m + spread * s.exp() * n
+        })
+        .collect();
+    let log_probability = log_probability(&p, action_type, mean, &vector, log_std);
+    Draw { action_type, vector, log_probability }
+}
+
+/// Softmax over the allowed types.
+pub fn type_probabilities(logits: &[f32], allowed: [bool; TYPE_COUNT]) -> [f32; TYPE_COUNT] {
+    let top = (0..TYPE_COUNT).filter(|i| allowed[*i]).map(|i| logits[i]).fold(f32::NEG_INFINITY, f32::max);
+    let mut p = [0.0; TYPE_COUNT];
+    for i in (0..TYPE_COUNT).filter(|i| allowed[*i]) {
+        p[i] = (logits[i] - top).exp();
+    }
+    let sum: f32 = p.iter().sum();
+    p.map(|p| p / sum)
+}
+
+/// log π(a): of the type and of the vector.
+pub fn log_probability(
+    p: &[f32; TYPE_COUNT],
+    action_type: usize,
+    mean: &[f32],
+    vector: &[f32],
+    log_std: &[f32],
+) -> f32 {
+    const HALF_LOG_TAU: f32 = 0.918_938_5;
+    let continuous: f32 = mean
+        .iter()
+        .zip(vector)
+        .zip(log_std)
+        .map(|((m, v), s)| {
+            let d = (v - m) / s.exp();
+            -0.5 * d * d - s - HALF_LOG_TAU
+        })
+        .sum();
+    p[action_type].max(1e-8).ln() + continuous
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normalizer_gives_zero_mean_and_unit_variance() {
+        let mut n = Normalizer::new(1);
+        n.update(&[1.0, 3.0, 5.0, 7.0]);
+        let (scale, shift) = n.map()[0];
+        assert!((4.0 * scale + shift).abs() < 1e-6);
+        assert!((scale - 1.0 / 5.0f32.sqrt()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_forbidden_type_is_never_drawn() {
+        let p = type_probabilities(&[0.0, 50.0, 0.0], [true, false, true]);
+        assert_eq!(p, [0.5, 0.0, 0.5]);
+        // One standard normal at its mean, worked by hand.
+        let l = log_probability(&[1.0, 0.0, 0.0], 0, &[0.3], &[0.3], &[0.0]);
+        assert!((l + 0.918_938_5).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,309 @@
+//! Proximal policy optimization (Schulman et al. 2017) with the paper's table of hyper-parameters.
+
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+
+use super::policy::{Policy, TYPE_COUNT, log_probability, type_probabilities};
+use super::rollout::Tuples;
+use crate::error::Result;
+use crate::nn::{Activations, Adam, CHUNK_ROWS};
+use crate::progress::Progress;
+use crate::settings::PpoSettings;
+
+/// Returns are divided by this before the value network learns them.
+const VALUE_SCALE: f32 = 10.0;
+
+/// The optimizer's memory from update to update.
+pub struct Ppo {
+    policy_adam: Adam,
+    value_adam: Adam,
+    std_adam: Adam,
+    rng: Pcg64,
+}
+
+/// Advantages and returns of a batch (GAE, Schulman et al. 2016).
+pub fn advantages(
+    tuples: &Tuples,
+    values: &[f32],
+    last_values: &[f32],
+    settings: &PpoSettings,
+) -> (Vec<f32>, Vec<f32>) {
+    let steps = tuples.per_environment;
+    let mut advantages = vec![0.0; values.len()];
+    for (environment, last) in last_values.iter().enumerate() {
+        let (mut next_value, mut running) = (*last, 0.0);
+        for t in (environment * steps..(environment + 1) * steps).rev() {
+            let live = f32::from(u8::from(!tuples.ended[t]));
+            let delta = tuples.rewards[t] + settings.discount * next_value * live - values[t];
+            running = delta + settings.discount * settings.lambda * live * running;
+            advantages[t] = running;
+            next_value = values[t];
+        }
+    }
+    let returns = advantages.iter().zip(values).map(|(a, v)| a + v).collect();
+    (advantages, returns)
+}
+
+impl Ppo {
+    pub fn new(policy: &Policy, settings: &PpoSettings, seed: u64) -> Self {
+        Self {
+            policy_adam: Adam::new(settings.policy_rate, policy.policy.parameters.len()),
+            value_adam: Adam::new(settings.value_rate, policy.value.parameters.len()),
+            std_adam: Adam::new(settings.policy_rate, policy.log_std.len()),
+            rng: Pcg64::seed_from_u64(seed),
+        }
+    }
+
+    /// One update of π and V on `tuples`.
+    pub fn update(
+        &mut self,
+        policy: &mut Policy,
+        tuples: &mut Tuples,
+        settings: &PpoSettings,
+        progress: &Progress,
+    ) -> Result<()> {
+        let size = policy.state_size();
+        let map = policy.normalizer.map();
+        let raw = tuples.states.clone();
+        tuples.states.par_chunks_mut(size * CHUNK_ROWS).for_each(|rows| Policy::normalize(rows, &map));
+        Policy::normalize(&mut tuples.last_states, &map);
+        let values = all_values(policy, &tuples.states);
+        let last_values = all_values(policy, &tuples.last_states);
+        let (mut advantages, returns) = advantages(tuples, &values, &last_values, settings);
+        standardize(&mut advantages);
+
+        let count = tuples.rewards.len();
+        let mut order: Vec<usize> = (0..count).collect();
+        let mut chunks: Vec<Chunk> = Vec::new();
+        for _ in 0..settings.epochs {
+            order.shuffle(&mut self.rng);
+            for batch in order.chunks(settings.batch) {
+                progress.check()?;
+                self.step(policy, tuples, &advantages, &returns, batch, settings, &mut chunks);
+            }
+        }
+        policy.normalizer.update(&raw);
+        Ok(())
+    }
+
+    #[allow(clippy::too_many_arguments)] // one gradient step; the arguments are the symbols of the loss
+    fn step(
+        &mut self,
+        policy: &mut Policy,
+        tuples: &Tuples,
+        advantages: &[f32],
+        returns: &[f32],
+        batch: &[usize],
+        settings: &PpoSettings,
+        chunks: &mut Vec<Chunk>,
+    ) {
+        let parts = batch.len().div_ceil(CHUNK_ROWS);
+        chunks.resize_with(parts.max(chunks.len()), Chunk::default);
+        let shared = &*policy;
+        chunks[..parts].par_iter_mut().zip(batch.par_chunks(CHUNK_ROWS)).for_each(|(chunk, rows)| {
+            chunk.gradients(shared, tuples, advantages, returns, rows, settings);
+        });
+        let (first, rest) = chunks[..parts].split_at_mut(1);
+        for other in rest.iter() {
+            add(&mut first[0].policy_gradient, &other.policy_gradient);
+            add(&mut first[0].value_gradient, &other.value_gradient);
+            add(&mut first[0].std_gradient, &other.std_gradient);
+        }
+        let n = 1.0 / batch.len() as f32;
+        let total = &first[0];
+        let scale = |gradient: &[f32]| n * clip_factor(gradient, n, settings.gradient_norm);
+        let s = scale(&total.policy_gradient);
+        self.policy_adam.step(&mut policy.policy.parameters, &total.policy_gradient, s);
+        self.std_adam.step(&mut policy.log_std, &total.std_gradient, n);
+        policy.log_std.iter_mut().for_each(|s| *s = s.clamp(-3.5, 0.5));
+        let s = scale(&total.value_gradient);
+        self.value_adam.step(&mut policy.value.parameters, &total.value_gradient, s);
+    }
+}
+
+fn add(a: &mut [f32], b: &[f32]) {
+    a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+}
+
+fn clip_factor(gradient: &[f32], n: f32, limit: f32) -> f32 {
+    let norm = n * gradient.chunks(4096).map(|c| c.iter().map(|g| g * g).sum::<f32>()).sum::<f32>().sqrt();
+    if norm > limit { limit / norm } else { 1.0 }
+}
+
+fn standardize(values: &mut [f32]) {
+    let n = values.len().max(1) as f64;
+    let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
+    let variance = values.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / n;
+    let scale = 1.0 / (variance.sqrt() + 1e-6);
+    values.iter_mut().for_each(|v| *v = ((f64::from(*v) - mean) * scale) as f32);
+}
+
+/// V of normalised states, in reward units.
+fn all_values(policy: &Policy, states: &[f32]) -> Vec<f32> {
+    let size = policy.state_size();
+    states
+        .par_chunks(size * CHUNK_ROWS)
+        .flat_map_iter(|rows| {
+            let mut activations = Activations::default();
+            policy.value.forward(rows, rows.len() / size, &mut activations);
+            activations.output().iter().map(|v| v * VALUE_SCALE).collect::<Vec<_>>()
+        })
+        .collect()
+}
+
+/// One thread's share of a batch.
+#[derive(Default)]
+struct Chunk {
+    states: Vec<f32>,
+    policy_activations: Activations,
+    value_activations: Activations,
+    d_policy: Vec<f32>,
+    d_value: Vec<f32>,
+    policy_gradient: Vec<f32>,
+    value_gradient: Vec<f32>,
+    std_gradient: Vec<f32>,
+}
+
+impl Chunk {
+    fn gradients(
+        &mut self,
+        policy: &Policy,
+        tuples: &Tuples,
+        advantages: &[f32],
+        returns: &[f32],
+        rows: &[usize],
+        settings: &PpoSettings,
+    ) {
+        let size = policy.state_size();
+        let vector_size = policy.vector_size();
+        let width = TYPE_COUNT + vector_size;
+        self.states.clear();
+        for &t in rows {
+            self.states.extend_from_slice(&tuples.states[t * size..(t + 1) * size]);
+        }
+        for (gradient, count) in [
+            (&mut self.policy_gradient, policy.policy.parameters.len()),
+            (&mut self.value_gradient, policy.value.parameters.len()),
+            (&mut self.std_gradient, vector_size),
+        ] {
+            gradient.clear();
+            gradient.resize(count, 0.0);
+        }
+
+        policy.policy.forward(&self.states, rows.len(), &mut self.policy_activations);
+        self.d_policy.clear();
+        self.d_policy.resize(rows.len() * width, 0.0);
+        for (i, &t) in rows.iter().enumerate() {
+            let output = &self.policy_activations.output()[i * width..(i + 1) * width];
+            let proposal = &tuples.proposals[t * width..(t + 1) * width];
+            let mean: Vec<f32> = output.iter().zip(proposal).map(|(m, p)| m + p).collect();
+            let vector = &tuples.vectors[t * vector_size..(t + 1) * vector_size];
+            let p = type_probabilities(&mean[..TYPE_COUNT], tuples.allowed[t]);
+            let new = log_probability(&p, tuples.types[t], &mean[TYPE_COUNT..], vector, &policy.log_std);
+            let ratio = (new - tuples.log_probabilities[t]).clamp(-20.0, 20.0).exp();
+            let advantage = advantages[t];
+            // The clipped objective is flat where the ratio has already moved far enough.
+            let moved_enough =
+                if advantage >= 0.0 { ratio > 1.0 + settings.clip } else { ratio < 1.0 - settings.clip };
+            let d_log = if moved_enough { 0.0 } else { -advantage * ratio };
+            let d = &mut self.d_policy[i * width..(i + 1) * width];
+            for k in 0..TYPE_COUNT {
+                if tuples.allowed[t][k] {
+                    let chosen = f32::from(u8::from(k == tuples.types[t]));
+                    d[k] = d_log * (chosen - p[k]);
+                }
+            }
+            for k in 0..vector_size {
+                let std = policy.log_std[k].exp();
+                let z = (vector[k] - mean[TYPE_COUNT + k]) / std;
+                d[TYPE_COUNT + k] = d_log * z / std;
+                self.std_gradient[k] += d_log * (z * z - 1.0) - settings.entropy;
+            }
+        }
+        policy.policy.backward(
+            &self.states,
+            rows.len(),
+            &mut self.policy_activations,
+            &self.d_policy,
+            &mut self.policy_gradient,
+        );
+
+        policy.value.forward(&self.states, rows.len(), &mut self.value_activations);
+        self.d_value.clear();
+        let values = self.value_activations.output();
+        self.d_value.extend(rows.iter().zip(values).map(|(&t, v)| 2.0 * (v - returns[t] / VALUE_SCALE)));
+        policy.value.backward(
+            &self.states,
+            rows.len(),
+            &mut self.value_activations,
+            &self.d_value,
+            &mut self.value_gradient,
+        );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt;
+
+    #[test]
+    fn advantages_by_hand() {
+        let tuples = Tuples {
+            rewards: vec![1.0, 2.0, 3.0],
+            ended: vec![false, true, false],
+            per_environment: 3,
+            ..Tuples::default()
+        };
+        let settings = PpoSettings { discount: 0.5, lambda: 0.5, ..PpoSettings::default() };
+        let (a, r) = advantages(&tuples, &[10.0, 20.0, 30.0], &[40.0], &settings);
+        // δ2 = 3 + 0.5·40 - 30 = -7; δ1 = 2 - 20 = -18 (ended); δ0 = 1 + 0.5·20 - 10 = 1, A0 = 1 + 0.25·(-18).
+        assert_eq!(a, [-3.5, -18.0, -7.0]);
+        assert_eq!(r, [6.5, 2.0, 23.0]);
+    }
+
+    /// A task with a known answer: the reward is highest where the first number of the action is 0.5.
+    #[test]
+    fn learns_a_bandit() {
+        use crate::settings::Settings;
+        let mut settings = Settings::default();
+        settings.ppo.policy_rate = 3e-3;
+        let mut rng = Pcg64::seed_from_u64(3);
+        let mut policy = Policy::new(4, &settings, &mut rng);
+        let mut ppo = Ppo::new(&policy, &settings.ppo, 1);
+        let progress = Progress::new();
+        let mut last = 0.0;
+        for _ in 0..20 {
+            let mut tuples = Tuples { per_environment: 1, ..Tuples::default() };
+            for _ in 0..1024 {
+                let width = TYPE_COUNT + policy.vector_size();
+                let mut act = Activations::default();
+                let state: [f32; 4] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
+                let mut normal = state;
+                Policy::normalize(&mut normal, &policy.normalizer.map());
+                let mean = policy.means(&normal, 1, &mut act).to_vec();
+                let drawn = super::super::policy::draw(&mean, [true; 3], &policy.log_std, 1.0, &mut rng);
+                tuples.states.extend(state);
+                tuples.proposals.extend(vec![0.0; width]);
+                tuples.allowed.push([true; 3]);
+                let good = f32::from(u8::from(drawn.action_type == 1));
+                tuples.rewards.push(good - (drawn.vector[0] - 0.5).powi(2));
+                tuples.types.push(drawn.action_type);
+                tuples.vectors.extend(drawn.vector);
+                tuples.log_probabilities.push(drawn.log_probability);
+                tuples.ended.push(true);
+                tuples.last_states.extend(state);
+            }
+            ppo.update(&mut policy, &mut tuples, &settings.ppo, &progress).expect("not cancelled");
+            let mut act = Activations::default();
+            let map = policy.normalizer.map();
+            let mut state = [0.2; 4];
+            Policy::normalize(&mut state, &map);
+            let mean = policy.means(&state, 1, &mut act);
+            last = mean[TYPE_COUNT];
+        }
+        assert!((last - 0.5).abs() < 0.15, "{last}");
+    }
+}

@@ -1,0 +1,178 @@
+//! Tuples for PPO: many episodes side by side, in groups that each think in one product.
+//!
+//! A group of environments belongs to one thread at a time and has its own generators, so the tuples
+//! are the same whatever the number of threads.
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+
+use super::episode::{Environment, Episode, EpisodeEnd};
+use super::policy::{Policy, TYPE_COUNT, draw};
+use crate::nn::Activations;
+use crate::progress::Progress;
+
+/// Episodes that one group plays side by side.
+const GROUP: usize = 32;
+/// Groups.
+const GROUPS: usize = 8;
+
+/// Tuples (s, a, r, …), time-major within each environment.
+#[derive(Debug, Default)]
+pub struct Tuples {
+    /// As observed, not normalised.
+    pub states: Vec<f32>,
+    pub proposals: Vec<f32>,
+    pub allowed: Vec<[bool; TYPE_COUNT]>,
+    pub types: Vec<usize>,
+    pub vectors: Vec<f32>,
+    pub log_probabilities: Vec<f32>,
+    pub rewards: Vec<f32>,
+    /// The episode ended with this tuple.
+    pub ended: Vec<bool>,
+    /// Tuples of one environment, one after the other.
+    pub per_environment: usize,
+    /// State after the last tuple of each environment.
+    pub last_states: Vec<f32>,
+    pub episodes: Vec<EpisodeSummary>,
+}
+
+/// What became of an episode.
+#[derive(Debug, Clone, Copy)]
+pub struct EpisodeSummary {
+    pub end: EpisodeEnd,
+    pub success: bool,
+    /// It began at the task's own start.
+    pub own_start: bool,
+}
+
+/// The environments, kept from update to update.
+pub struct Rollout {
+    groups: Vec<Group>,
+}
+
+struct Group {
+    slots: Vec<Slot>,
+    rng: Pcg64,
+}
+
+struct Slot {
+    episode: Episode,
+    own_start: bool,
+}
+
+impl Rollout {
+    pub fn new(environment: &Environment, seed: u64) -> Self {
+        let groups = (0..GROUPS)
+            .map(|g| {
+                let mut rng =
+                    Pcg64::seed_from_u64(seed ^ (0x9E37_79B9_7F4A_7C15u64.wrapping_mul(g as u64 + 1)));
+                let slots = (0..GROUP).map(|_| Slot::begin(environment, &mut rng)).collect();
+                Group { slots, rng }
+            })
+            .collect();
+        Self { groups }
+    }
+
+    /// Gathers at least `count` tuples.
+    pub fn gather(
+        &mut self,
+        environment: &Environment,
+        policy: &Policy,
+        count: usize,
+        progress: &Progress,
+    ) -> Tuples {
+        let steps = count.div_ceil(GROUP * GROUPS);
+        let map = policy.normalizer.map();
+        let parts: Vec<Vec<Tuples>> = self
+            .groups
+            .par_iter_mut()
+            .map(|group| group.gather(environment, policy, &map, steps, progress))
+            .collect();
+        let mut all = Tuples { per_environment: steps, ..Tuples::default() };
+        for part in parts.into_iter().flatten() {
+            all.states.extend(part.states);
+            all.proposals.extend(part.proposals);
+            all.allowed.extend(part.allowed);
+            all.types.extend(part.types);
+            all.vectors.extend(part.vectors);
+            all.log_probabilities.extend(part.log_probabilities);
+            all.rewards.extend(part.rewards);
+            all.ended.extend(part.ended);
+            all.last_states.extend(part.last_states);
+            all.episodes.extend(part.episodes);
+        }
+        all
+    }
+}
+
+impl Slot {
+    fn begin(environment: &Environment, rng: &mut Pcg64) -> Self {
+        let own_start = rng.random::<f32>() >= environment.settings.ppo.vary_start;
+        let episode = if own_start { environment.begin(rng) } else { environment.begin_anywhere(rng) };
+        Self { episode, own_start }
+    }
+}
+
+impl Group {
+    fn gather(
+        &mut self,
+        environment: &Environment,
+        policy: &Policy,
+        map: &[(f32, f32)],
+        steps: usize,
+        progress: &Progress,
+    ) -> Vec<Tuples> {
+        let size = policy.state_size();
+        let width = TYPE_COUNT + policy.vector_size();
+        let mut out: Vec<Tuples> = (0..GROUP).map(|_| Tuples::default()).collect();
+        let mut states = vec![0.0; GROUP * size];
+        let mut activations = Activations::default();
+        for step in 0..=steps {
+            if progress.is_cancelled() {
+                break;
+            }
+            let observations: Vec<_> = self
+                .slots
+                .iter()
+                .zip(states.chunks_exact_mut(size))
+                .map(|(slot, state)| environment.observe(&slot.episode, state))
+                .collect();
+            if step == steps {
+                for (tuples, state) in out.iter_mut().zip(states.chunks_exact(size)) {
+                    tuples.last_states.extend_from_slice(state);
+                }
+                break;
+            }
+            for (tuples, state) in out.iter_mut().zip(states.chunks_exact(size)) {
+                tuples.states.extend_from_slice(state);
+            }
+            Policy::normalize(&mut states, map);
+            let means = policy.means(&states, GROUP, &mut activations);
+            for (i, observation) in observations.iter().enumerate() {
+                let mean: Vec<f32> = means[i * width..(i + 1) * width]
+                    .iter()
+                    .zip(&observation.proposal)
+                    .map(|(m, p)| m + p)
+                    .collect();
+                let drawn = draw(&mean, observation.allowed, &policy.log_std, 1.0, &mut self.rng);
+                let slot = &mut self.slots[i];
+                let outcome = environment.step(&mut slot.episode, observation, &drawn);
+                let tuples = &mut out[i];
+                tuples.proposals.extend_from_slice(&observation.proposal);
+                tuples.allowed.push(observation.allowed);
+                tuples.types.push(drawn.action_type);
+                tuples.vectors.extend_from_slice(&drawn.vector);
+                tuples.log_probabilities.push(drawn.log_probability);
+                tuples.rewards.push(outcome.reward);
+                tuples.ended.push(outcome.end.is_some());
+                if let Some(end) = outcome.end {
+                    let success = environment.succeeded(end, &slot.episode.tally);
+                    tuples.episodes.push(EpisodeSummary { end, success, own_start: slot.own_start });
+                    *slot = Slot::begin(environment, &mut self.rng);
+                }
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,243 @@
+//! s_t = ψ(m_{t-1}, m_t, W, φ_A) = (s^body, s^scene, s^inter) (LAMA, section 3.2).
+//!
+//! Everything is person-centric. Beside the state an observation carries which action types are open
+//! (a sit or stop whose match is poor is refused before it is chosen) and what is proposed: the step
+//! along the shortest clear path, to which the network adds.
+
+use std::f32::consts::PI;
+
+use glam::Vec2;
+
+use super::episode::Environment;
+use super::policy::TYPE_COUNT;
+use crate::cue::ActionType;
+use crate::library::database::FrameMatch;
+use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
+use crate::math::Planar;
+use crate::math::rotation::{to_6d, wrap_angle};
+use crate::motion::skeleton::JOINT_COUNT;
+use crate::motion::{FRAME_RATE, Posture};
+use crate::settings::StateSettings;
+use crate::synthesizer::Character;
+
+/// Beyond this many metres from the cue no sit or stop is looked for.
+const ACTION_RANGE: f32 = 3.0;
+
+/// A sit or stop that would be possible now.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ActionMatch {
+    pub found: FrameMatch,
+    /// How far its end misses the cue before alignment: metres, radians, metres of height.
+    pub position: f32,
+    pub direction: f32,
+    pub height: f32,
+    /// C_tr + C_vel of entering it.
+    pub posture: f32,
+    /// Good enough to be entered.
+    pub accepted: bool,
+}
+
+/// What the policy is told besides the state.
+#[derive(Debug, Clone, Default)]
+pub struct Observation {
+    pub allowed: [bool; TYPE_COUNT],
+    /// Added to the network's output.
+    pub proposal: Vec<f32>,
+    pub query: Option<Box<PoseFeature>>,
+    pub action: Option<ActionMatch>,
+}
+
+/// Length of s_t.
+pub fn state_size(settings: &StateSettings) -> usize {
+    let body = BODY_SIZE + if settings.joint_rotations { 2 * ROTATIONS } else { 0 };
+    let scene = settings.view_cells.pow(2) * settings.view_spacing.len()
+        + if settings.scene_position { 2 } else { 0 };
+    body + scene + INTERACTION_SIZE + if settings.clear_path { PATH_SIZE } else { 0 }
+}
+
+const ROTATIONS: usize = 6 * (JOINT_COUNT - 1);
+/// θ_up, h, p_e and its velocity, contacts, root velocity.
+const BODY_SIZE: usize = 1 + 1 + 15 + 15 + 2 + 2;
+const PATH_SIZE: usize = 1 + 2 * AHEAD.len();
+const AHEAD: [f32; 3] = [0.5, 1.0, 2.0];
+/// Cue: place (near and far scale), facing, height, distance; the open action; the type asked for.
+const INTERACTION_SIZE: usize = 2 + 2 + 2 + 1 + 1 + 5 + 2;
+
+/// Writes s_t to `out` (as long as [`state_size`]) and says what is open and proposed.
+pub fn observe(
+    environment: &Environment,
+    character: &Character,
+    before: &Posture,
+    out: &mut [f32],
+) -> Observation {
+    let settings = &environment.settings;
+    let here = character.planar;
+    let query = character.pose_feature();
+    let mut at = 0;
+    let mut push = |v: f32| {
+        out[at] = v;
+        at += 1;
+    };
+
+    // s^body
+    push(query[32].clamp(-1.0, 1.0).acos());
+    push(query_height(character));
+    query[..15].iter().for_each(|v| push(*v));
+    query[15..30].iter().for_each(|v| push(v * 0.3));
+    query[33..35].iter().for_each(|v| push(*v));
+    let velocity = character.velocity();
+    velocity.to_array().iter().for_each(|v| push(*v));
+    if settings.state.joint_rotations {
+        for joint in 1..JOINT_COUNT {
+            let now = to_6d(character.posture.rotations[joint]);
+            let then = to_6d(before.rotations[joint]);
+            now.iter().for_each(|v| push(*v));
+            now.iter().zip(then).for_each(|(a, b)| push((a - b) * FRAME_RATE * 0.2));
+        }
+    }
+
+    // s^scene
+    let grid = environment.scene.occupancy();
+    for spacing in &settings.state.view_spacing {
+        let cells = settings.state.view_cells;
+        let middle = (cells as f32 - 1.0) / 2.0;
+        for row in 0..cells {
+            for column in 0..cells {
+                let local = Vec2::new(column as f32 - middle, row as f32 - middle) * *spacing;
+                let clearance = grid.clearance(here.point_to_world(local));
+                // Free space half a metre wide is as good as free.
+                push(1.0 - (clearance / 0.5).clamp(0.0, 1.0));
+            }
+        }
+    }
+    if settings.state.scene_position {
+        let (low, high) = environment.scene.bounds();
+        let size = (high - low).truncate().max(Vec2::splat(1e-3));
+        let root = (here.position - low.truncate()) / size;
+        push(root.x);
+        push(root.y);
+    }
+
+    // s^inter = φ_A
+    let cue = here.relative(environment.task.cue.planar());
+    let distance = cue.position.length();
+    let near = cue.position.clamp_length_max(1.0);
+    let far = cue.position.clamp_length_max(6.0) / 3.0;
+    for v in [near.x, near.y, far.x, far.y, cue.forward().x, cue.forward().y] {
+        push(v);
+    }
+    push(environment.task.cue.position.z - character.floor);
+    push((distance / 3.0).min(2.0));
+    let action = find_action(environment, character, &query, distance);
+    let a = action.as_ref();
+    push(a.map_or(0.0, |a| f32::from(u8::from(a.accepted))));
+    push(a.map_or(2.0, |a| a.position.min(2.0)));
+    push(a.map_or(PI, |a| a.direction));
+    push(a.map_or(0.5, |a| a.height.min(0.5)));
+    push(a.map_or(3.0, |a| a.posture.min(3.0)));
+    let wanted = environment.task.cue.action_type;
+    push(f32::from(u8::from(wanted == ActionType::Sit)));
+    push(f32::from(u8::from(wanted == ActionType::Stop)));
+
+    let remaining = environment.path.distance(here.position);
+    if settings.state.clear_path {
+        push((remaining / 3.0).min(3.0));
+        for ahead in AHEAD {
+            let local = here.point_to_local(environment.path.point_ahead(here.position, ahead));
+            push(local.x / ahead);
+            push(local.y / ahead);
+        }
+    }
+    debug_assert_eq!(at, out.len());
+
+    let accepted = a.is_some_and(|a| a.accepted);
+    let mut allowed = [false; TYPE_COUNT];
+    allowed[ActionType::Walk as usize] = true;
+    allowed[wanted as usize] |= accepted;
+    let mut proposal = vec![0.0; TYPE_COUNT + settings.signal.vector_size()];
+    if settings.signal.propose_clear_path {
+        propose(environment, here, velocity, remaining, a, &mut proposal);
+    }
+    Observation { allowed, proposal, query: Some(Box::new(query)), action }
+}
+
+fn query_height(character: &Character) -> f32 {
+    character.posture.root_position.z - character.floor
+}
+
+/// The best sit or stop from here, with how well it fits.
+fn find_action(
+    environment: &Environment,
+    character: &Character,
+    query: &PoseFeature,
+    distance: f32,
+) -> Option<ActionMatch> {
+    if distance > ACTION_RANGE {
+        return None;
+    }
+    let cue = &environment.task.cue;
+    let target = character.planar.relative(cue.planar());
+    let height = cue.position.z - character.floor;
+    let mut feature = [0.0; MAX_FEATURE];
+    let size = feature_size(cue.action_type);
+    write_feature(query, &Future::Complete(target, height), &mut feature[..size]);
+    let found = environment.database.search(cue.action_type, &feature[..size], None)?;
+    let Some(Future::Complete(end, end_height)) = environment.database.future(cue.action_type, found.frame)
+    else {
+        return None;
+    };
+    let posture = environment.transition_cost(query, found.frame);
+    let settings = &environment.settings.synthesizer;
+    let sits = cue.action_type == ActionType::Sit;
+    let matched = ActionMatch {
+        found,
+        position: end.position.distance(target.position),
+        direction: wrap_angle(end.yaw - target.yaw).abs(),
+        height: if sits { (end_height - height).abs() } else { 0.0 },
+        posture: posture.posture + posture.velocity,
+        accepted: false,
+    };
+    let accepted = matched.position <= settings.refuse_position
+        && matched.direction <= settings.refuse_direction
+        && matched.height <= settings.refuse_height
+        && matched.posture <= settings.refuse_posture;
+    Some(ActionMatch { accepted, ..matched })
+}
+
+/// The step along the shortest clear path, and to sit where a sit fits.
+fn propose(
+    environment: &Environment,
+    here: Planar,
+    velocity: Vec2,
+    remaining: f32,
+    action: Option<&ActionMatch>,
+    out: &mut [f32],
+) {
+    let settings = &environment.settings.signal;
+    let (types, vector) = out.split_at_mut(TYPE_COUNT);
+    let wanted = environment.task.cue.action_type as usize;
+    if let Some(action) = action.filter(|a| a.accepted) {
+        // The closer the fit, the likelier.
+        let fit = action.position / 0.15 + action.direction / 0.3 + action.posture / 0.6;
+        types[wanted] = 2.0 - 1.5 * fit;
+    } else {
+        types[wanted] = -4.0;
+    }
+    let goal = environment.path.goal();
+    // One second ahead at the pace; slower over the last half metre.
+    let stride = settings.pace * (remaining / 0.6).clamp(0.35, 1.0);
+    let ahead =
+        if remaining.is_finite() { environment.path.point_ahead(here.position, stride) } else { goal };
+    let local = here.point_to_local(ahead);
+    let way = environment.path.point_ahead(here.position, stride + 0.3) - here.position;
+    let facing = if remaining < 0.45 {
+        // Arrived: turn to face as the cue asks.
+        wrap_angle(environment.task.cue.yaw - here.yaw)
+    } else {
+        wrap_angle(way.to_angle() + PI / 2.0 - here.yaw)
+    };
+    let turn = facing.clamp(-settings.largest_turn, settings.largest_turn);
+    // Nobody walks off backwards: a large turn shortens the stride.
+    let slow = (1.25 - facing.abs() / PI).clamp(0.2, 1.0);
+    settings.encode_goal(local * slow, turn, velocity, vector);
+}

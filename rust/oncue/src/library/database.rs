@@ -1,0 +1,234 @@
+//! A [`MotionLibrary`] made matchable: one plain struct of arrays over all frames, and one search
+//! index an action type.
+
+use glam::{Quat, Vec3};
+use rayon::prelude::*;
+
+use super::clip::{ActionLabel, MotionLibrary, Segment};
+use super::feature::{
+    FUTURE_FRAMES, FeatureWeights, Future, PoseFeature, feature_size, pose_feature, write_feature,
+};
+use super::search::SearchIndex;
+use crate::cue::ActionType;
+use crate::error::{Error, Result};
+use crate::math::Planar;
+use crate::motion::{FootContact, Joint, Posture};
+
+/// One frame of the database, as the synthesizer needs it. Everything person-centric: the root's
+/// projection stands at the origin and faces -Y.
+#[derive(Debug, Clone)]
+pub struct DatabaseFrame {
+    /// The posture carried to the origin.
+    pub posture: Posture,
+    /// From this frame's person-centric space to the next frame's; standing still at a clip's end.
+    pub step: Planar,
+    pub contact: FootContact,
+    /// Toe joints.
+    pub toe: [Vec3; 2],
+    /// Rotations of the feet (not relative to the shin).
+    pub foot_rotation: [Quat; 2],
+    pub clip: u32,
+    /// Frame in the clip.
+    pub index: u32,
+    /// Label of the segment it lies in.
+    pub label: ActionLabel,
+    /// For sit, stop and stand-up: frames until the action is complete (0 from then on).
+    pub until_complete: u16,
+    /// Frames that follow in the clip before its end.
+    pub remaining: u16,
+}
+
+/// The search index of one action type.
+#[derive(Debug, Clone, Default)]
+struct ActionIndex {
+    search: SearchIndex,
+    /// Database frame of each entry.
+    frames: Vec<u32>,
+    /// Entry of each database frame; `u32::MAX` where the frame may not be entered.
+    entries: Vec<u32>,
+}
+
+/// A matched frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameMatch {
+    /// Index into [`MotionDatabase::frames`].
+    pub frame: usize,
+    /// ‖w_f ⊙ (x - y_k)‖².
+    pub cost: f32,
+}
+
+/// The database that S searches.
+#[derive(Debug, Clone)]
+pub struct MotionDatabase {
+    pub frames: Vec<DatabaseFrame>,
+    /// {p_j}, {ṗ_j}, θ_up, c of every frame.
+    pub pose_features: Vec<PoseFeature>,
+    pub weights: FeatureWeights,
+    indices: [ActionIndex; 3],
+    /// Frames of standing still, at which a motion may begin.
+    pub idle_frames: Vec<u32>,
+    /// Frames of sitting still, for what follows a sit.
+    pub seated_frames: Vec<u32>,
+    /// Fastest planar root speed of its walking, 99th percentile, m/s.
+    pub top_speed: f32,
+}
+
+/// Sits and stops are entered at the latest this many frames before they complete…
+const ENTER_BEFORE: u16 = 18;
+/// …and at the earliest this many (the released sit clips are 85 frames long).
+const ENTER_WITHIN: u16 = 110;
+
+impl MotionDatabase {
+    /// Computes the features of every frame and builds the indices.
+    pub fn build(library: &MotionLibrary, weights: &FeatureWeights) -> Result<Self> {
+        let per_clip: Vec<(Vec<DatabaseFrame>, Vec<PoseFeature>)> =
+            library.clips.par_iter().enumerate().map(|(c, clip)| clip_frames(c, clip)).collect();
+        let mut frames = Vec::with_capacity(library.frame_count());
+        let mut pose_features = Vec::with_capacity(library.frame_count());
+        for (f, p) in per_clip {
+            frames.extend(f);
+            pose_features.extend(p);
+        }
+        let still = |label: ActionLabel, margin: u16| -> Vec<u32> {
+            let wanted = |f: &DatabaseFrame| f.label == label && f.remaining >= margin;
+            (0..frames.len() as u32).filter(|&f| wanted(&frames[f as usize])).collect()
+        };
+        let idle_frames = still(ActionLabel::Idle, 30);
+        let seated_frames = still(ActionLabel::SeatedIdle, 1);
+        let mut speeds: Vec<f32> = frames
+            .iter()
+            .filter(|f| f.label == ActionLabel::Walk)
+            .map(|f| f.step.position.length() * crate::motion::FRAME_RATE)
+            .collect();
+        speeds.sort_by(f32::total_cmp);
+        let top_speed = speeds.get(speeds.len() * 99 / 100).copied().unwrap_or(0.0);
+        let mut database = Self {
+            frames,
+            pose_features,
+            weights: weights.clone(),
+            indices: Default::default(),
+            idle_frames,
+            seated_frames,
+            top_speed,
+        };
+        if database.idle_frames.is_empty() {
+            return Err(Error::input(
+                "The motion library has no standing still to begin from; add an idle clip or let the starter library fill in what is missing.",
+            ));
+        }
+        let built: Vec<ActionIndex> = ActionType::ALL.par_iter().map(|&a| database.index(a)).collect();
+        for (slot, index) in database.indices.iter_mut().zip(built) {
+            *slot = index;
+        }
+        if database.indices[ActionType::Walk as usize].search.is_empty() {
+            return Err(Error::input(
+                "The motion library has no walking; add walking clips or the starter library.",
+            ));
+        }
+        Ok(database)
+    }
+
+    fn index(&self, action_type: ActionType) -> ActionIndex {
+        let size = feature_size(action_type);
+        let mut features = Vec::new();
+        let mut frames = Vec::new();
+        let mut entries = vec![u32::MAX; self.frames.len()];
+        for f in 0..self.frames.len() {
+            if let Some(future) = self.future(action_type, f) {
+                entries[f] = frames.len() as u32;
+                frames.push(f as u32);
+                let at = features.len();
+                features.resize(at + size, 0.0);
+                write_feature(&self.pose_features[f], &future, &mut features[at..]);
+            }
+        }
+        let search = SearchIndex::build(&features, &self.weights.vector(action_type));
+        ActionIndex { search, frames, entries }
+    }
+
+    /// o_future of a frame, or `None` where it may not be entered for this action.
+    pub fn future(&self, action_type: ActionType, frame: usize) -> Option<Future> {
+        let f = &self.frames[frame];
+        match action_type {
+            ActionType::Walk => {
+                let walkable = matches!(f.label, ActionLabel::Walk | ActionLabel::Idle | ActionLabel::Stop);
+                // The last 30 frames of a clip have no complete future.
+                (walkable && usize::from(f.remaining) >= FUTURE_FRAMES[2])
+                    .then(|| Future::Walk(FUTURE_FRAMES.map(|ahead| self.travel(frame, ahead))))
+            }
+            ActionType::Sit | ActionType::Stop => {
+                let label = if action_type == ActionType::Sit { ActionLabel::Sit } else { ActionLabel::Stop };
+                let ahead = f.until_complete;
+                (f.label == label && (ENTER_BEFORE..=ENTER_WITHIN).contains(&ahead) && f.remaining >= ahead)
+                    .then(|| {
+                        let end = &self.frames[frame + usize::from(ahead)];
+                        Future::Complete(self.travel(frame, usize::from(ahead)), end.posture.root_position.z)
+                    })
+            }
+        }
+    }
+
+    /// Where the root is `ahead` frames later, person-centric. Stays inside the clip.
+    pub fn travel(&self, frame: usize, ahead: usize) -> Planar {
+        let ahead = ahead.min(usize::from(self.frames[frame].remaining));
+        self.frames[frame..frame + ahead].iter().fold(Planar::default(), |at, f| at.compose(f.step))
+    }
+
+    /// k*: the best frame to enter for `query` (LAMA, eq. 2). `hint` only speeds the search up.
+    pub fn search(&self, action_type: ActionType, query: &[f32], hint: Option<usize>) -> Option<FrameMatch> {
+        let index = &self.indices[action_type as usize];
+        let hint = hint.and_then(|f| index.entries.get(f)).filter(|e| **e != u32::MAX).map(|e| *e as usize);
+        let found = index.search.nearest(query, hint)?;
+        Some(FrameMatch { frame: index.frames[found.entry] as usize, cost: found.cost })
+    }
+
+    /// The cost of one frame for `query`, or `None` where it may not be entered.
+    pub fn cost(&self, action_type: ActionType, query: &[f32], frame: usize) -> Option<f32> {
+        let index = &self.indices[action_type as usize];
+        let entry = *index.entries.get(frame)?;
+        (entry != u32::MAX).then(|| index.search.cost(query, entry as usize))
+    }
+
+    /// How many frames may be entered for an action.
+    pub fn entry_count(&self, action_type: ActionType) -> usize {
+        self.indices[action_type as usize].frames.len()
+    }
+}
+
+fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFrame>, Vec<PoseFeature>) {
+    let motion = &clip.motion;
+    let count = motion.len();
+    let poses: Vec<_> = motion.postures.iter().map(Posture::pose).collect();
+    let planars: Vec<_> = motion.postures.iter().map(Posture::planar).collect();
+    let mut frames = Vec::with_capacity(count);
+    let mut features = Vec::with_capacity(count);
+    for i in 0..count {
+        let here = planars[i];
+        let local = motion.postures[i].moved(here, Planar::default());
+        let pose = local.pose();
+        let step = if i + 1 < count { here.relative(planars[i + 1]) } else { Planar::default() };
+        let nothing = Segment { label: ActionLabel::Other, first: 0, end: count, complete: count };
+        let segment = clip.segments.iter().find(|s| (s.first..s.end).contains(&i)).unwrap_or(&nothing);
+        let completes = matches!(segment.label, ActionLabel::Sit | ActionLabel::Stop | ActionLabel::StandUp);
+        let complete = segment.complete.min(count.saturating_sub(1));
+        frames.push(DatabaseFrame {
+            posture: local,
+            step,
+            contact: motion.contacts.get(i).copied().unwrap_or([0.0; 2]),
+            toe: Joint::TOES.map(|j| pose.position(j)),
+            foot_rotation: Joint::FEET.map(|j| pose.rotation(j)),
+            clip: clip_index as u32,
+            index: i as u32,
+            label: segment.label,
+            until_complete: if completes { complete.saturating_sub(i) as u16 } else { 0 },
+            remaining: (count - 1 - i).min(usize::from(u16::MAX)) as u16,
+        });
+        features.push(pose_feature(&poses[i], &poses[i.saturating_sub(1)], frames[i].contact));
+    }
+    if count > 1 {
+        // The first frame has no frame before it: it moves as the second does.
+        let velocity = features[1][super::feature::VELOCITY..super::feature::UP].to_vec();
+        features[0][super::feature::VELOCITY..super::feature::UP].copy_from_slice(&velocity);
+    }
+    (frames, features)
+}

@@ -1,0 +1,247 @@
+//! What the paper measures (section 4.1), as the released code computes it, and stricter readings beside it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::cue::{ActionCue, ActionType};
+use crate::math::rotation::wrap_angle;
+use crate::motion::skeleton::TOE_HEIGHT;
+use crate::motion::{BODY_BOXES, Joint, Limb, Motion, Pose, Posture};
+use crate::scene::SceneIndex;
+
+/// How well the feet stand.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct FootFigures {
+    /// The paper's "foot contact": a foot is in contact while it moves less than 2 cm a frame or slower than
+    /// the other; its distance from where that window began, mean over the windows that end again, cm.
+    pub contact_cm: f32,
+    /// Mean step of a foot between frames while it is planted (c = 1), cm a frame.
+    pub skate_cm: f32,
+    /// The largest such step, cm.
+    pub worst_skate_cm: f32,
+    /// Mean step of a foot while its sole is within 1 cm of the floor, cm a frame: blind to what c says.
+    pub low_skate_cm: f32,
+    /// How far the lowest foot point sinks under the floor, cm.
+    pub sink_cm: f32,
+}
+
+/// How often the body is in the scene.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct PenetrationFigures {
+    /// The paper's "penetration": share of frames with at least 10 leg or 7 arm crossings, percent.
+    pub percent: f32,
+    /// The same for legs and arms alone.
+    pub legs_percent: f32,
+    pub arms_percent: f32,
+    /// Share of frames in which any box of the whole body crosses the scene (the seat under pelvis and thighs
+    /// is not counted once the person sits down), percent.
+    pub whole_body_percent: f32,
+}
+
+/// How a cue was met.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Residual {
+    pub cue: String,
+    pub action_type: ActionType,
+    /// Frame (30 Hz) at which it was measured.
+    pub frame: usize,
+    /// Pelvis joint to q_root, cm (for a stop on the floor plane).
+    pub pelvis_cm: f32,
+    /// Facing, degrees.
+    pub facing_degrees: f32,
+    /// Ankle to each given foot cue on the floor plane, cm.
+    pub feet_cm: [Option<f32>; 2],
+    /// Within 10 cm and 20°.
+    pub met: bool,
+}
+
+/// Residual of `cue` at `frame` of `motion`.
+pub fn residual(cue: &ActionCue, motion: &Motion, frame: usize) -> Option<Residual> {
+    let posture = motion.postures.get(frame)?;
+    let pose = posture.pose();
+    let root = posture.root_position;
+    let pelvis = match cue.action_type {
+        ActionType::Stop => root.truncate().distance(cue.position.truncate()),
+        _ => root.distance(cue.position),
+    };
+    let facing = wrap_angle(posture.planar().yaw - cue.yaw).abs();
+    let feet = [0, 1].map(|side| {
+        let at = pose.position(Joint::FEET[side]).truncate();
+        cue.feet[side].map(|foot| 100.0 * at.distance(foot.truncate()))
+    });
+    Some(Residual {
+        cue: cue.name.clone(),
+        action_type: cue.action_type,
+        frame,
+        pelvis_cm: 100.0 * pelvis,
+        facing_degrees: facing.to_degrees(),
+        feet_cm: feet,
+        met: pelvis < 0.10 && facing < 20f32.to_radians(),
+    })
+}
+
+/// Foot figures of a motion on a floor `floor` metres high.
+pub fn foot_figures(motion: &Motion, floor: f32) -> FootFigures {
+    let poses: Vec<Pose> = motion.postures.iter().map(Posture::pose).collect();
+    let count = poses.len();
+    if count < 2 {
+        return FootFigures::default();
+    }
+    let toe = |frame: usize, side: usize| poses[frame].position(Joint::TOES[side]);
+    let step =
+        |frame: usize, side: usize| toe(frame, side).truncate().distance(toe(frame - 1, side).truncate());
+    let mut figures =
+        FootFigures { contact_cm: 100.0 * paper_contact(count, &toe, &step), ..Default::default() };
+    let (mut planted, mut low) = (Mean::default(), Mean::default());
+    for frame in 1..count {
+        for side in 0..2 {
+            let cm = 100.0 * step(frame, side);
+            if motion.contacts[frame][side] >= 1.0 && motion.contacts[frame - 1][side] >= 1.0 {
+                planted.add(cm);
+                figures.worst_skate_cm = figures.worst_skate_cm.max(cm);
+            }
+            if (toe(frame, side).z - floor - TOE_HEIGHT).abs() < 0.01 {
+                low.add(cm);
+            }
+        }
+    }
+    for pose in &poses {
+        for side in 0..2 {
+            let toe = pose.position(Joint::TOES[side]).z - floor - TOE_HEIGHT;
+            figures.sink_cm = figures.sink_cm.max(-100.0 * toe);
+        }
+    }
+    figures.skate_cm = planted.get();
+    figures.low_skate_cm = low.get();
+    figures
+}
+
+/// See [`FootFigures::contact_cm`]; metres.
+fn paper_contact(
+    count: usize,
+    toe: &impl Fn(usize, usize) -> glam::Vec3,
+    step: &impl Fn(usize, usize) -> f32,
+) -> f32 {
+    let mut mean = Mean::default();
+    for side in 0..2 {
+        let touching = |frame: usize| {
+            let (own, other) = (step(frame, side), step(frame, 1 - side));
+            own < 0.02 || own < other
+        };
+        let mut window: Option<usize> = None;
+        for frame in 1..count {
+            match (window, touching(frame)) {
+                (None, true) => window = Some(frame),
+                (Some(first), false) => {
+                    let origin = toe(first, side).truncate();
+                    (first..frame).for_each(|f| mean.add(toe(f, side).truncate().distance(origin)));
+                    window = None;
+                }
+                _ => {}
+            }
+        }
+    }
+    mean.get()
+}
+
+#[derive(Default)]
+struct Mean {
+    sum: f64,
+    count: usize,
+}
+
+impl Mean {
+    fn add(&mut self, value: f32) {
+        self.sum += f64::from(value);
+        self.count += 1;
+    }
+
+    fn get(&self) -> f32 {
+        if self.count == 0 { 0.0 } else { (self.sum / self.count as f64) as f32 }
+    }
+}
+
+/// Penetration of a motion. `ignore_below`: crossings lower than this over `floor` are not counted, metres.
+/// `seated_from`: frame from which the seat carries pelvis and thighs.
+pub fn penetration_figures(
+    motion: &Motion,
+    scene: &SceneIndex,
+    floor: f32,
+    ignore_below: f32,
+    seated_from: Option<usize>,
+) -> PenetrationFigures {
+    let (mut both, mut legs, mut arms, mut body) = (0, 0, 0, 0);
+    for (frame, posture) in motion.postures.iter().enumerate() {
+        let counts = scene.body_intersections(&posture.pose(), floor + ignore_below);
+        let of = |limb: Limb| -> u32 {
+            BODY_BOXES.iter().zip(&counts).filter(|(b, _)| b.limb == limb).map(|(_, c)| c).sum()
+        };
+        let (in_legs, in_arms) = (of(Limb::Leg) >= 10, of(Limb::Arm) >= 7);
+        legs += usize::from(in_legs);
+        arms += usize::from(in_arms);
+        both += usize::from(in_legs || in_arms);
+        let seated = seated_from.is_some_and(|from| frame >= from);
+        body += usize::from(BODY_BOXES.iter().zip(&counts).any(|(node, count)| {
+            let carried = seated && matches!(node.joint, Joint::Hips | Joint::LeftUpLeg | Joint::RightUpLeg);
+            *count > 0 && !carried
+        }));
+    }
+    let percent = |n: usize| 100.0 * n as f32 / motion.len().max(1) as f32;
+    PenetrationFigures {
+        percent: percent(both),
+        legs_percent: percent(legs),
+        arms_percent: percent(arms),
+        whole_body_percent: percent(body),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    fn sliding(step: f32, frames: usize) -> Motion {
+        let mut motion = Motion::default();
+        for frame in 0..frames {
+            let mut posture = Posture::default();
+            posture.root_position.y -= step * frame as f32;
+            motion.postures.push(posture);
+            motion.contacts.push([1.0, 1.0]);
+        }
+        motion
+    }
+
+    #[test]
+    fn a_gliding_figure_skates_by_its_speed() {
+        let figures = foot_figures(&sliding(0.01, 30), 0.0);
+        assert!((figures.skate_cm - 1.0).abs() < 1e-3, "{figures:?}");
+        assert!((figures.low_skate_cm - 1.0).abs() < 1e-3);
+        // The paper's reading is blind to a foot that slides for ever: its window never ends.
+        assert_eq!(figures.contact_cm, 0.0);
+    }
+
+    #[test]
+    fn paper_contact_by_hand() {
+        // 1 cm a frame for four frames, then a leap of 5 cm with both feet: windows end at the leap.
+        let mut motion = sliding(0.01, 5);
+        let mut last = motion.postures[4];
+        last.root_position.y -= 0.05;
+        motion.postures.push(last);
+        motion.contacts.push([0.0; 2]);
+        // Distances to the first frame of the window (frame 1): 0, 1, 2, 3 cm.
+        assert!((foot_figures(&motion, 0.0).contact_cm - 1.5).abs() < 1e-3);
+    }
+
+    #[test]
+    fn residual_by_hand() {
+        let cue = ActionCue {
+            name: "Sofa".into(),
+            action_type: ActionType::Sit,
+            position: Vec3::new(0.03, 0.04, crate::motion::skeleton::REST_HIPS_HEIGHT),
+            yaw: 0.1,
+            feet: [Some(Vec3::new(0.095, 0.0, 0.0)), None],
+        };
+        let r = residual(&cue, &sliding(0.0, 1), 0).expect("one frame");
+        assert!((r.pelvis_cm - 5.0).abs() < 1e-3 && (r.facing_degrees - 5.729_578).abs() < 1e-3);
+        assert!(r.feet_cm[0].expect("given") < 1e-3 && r.feet_cm[1].is_none() && r.met);
+    }
+}

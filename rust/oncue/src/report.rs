@@ -1,0 +1,43 @@
+//! What a run tells about itself; `docs/report.md` describes the JSON.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::controller::optimize::UpdateFigures;
+use crate::metrics::{FootFigures, PenetrationFigures, Residual};
+use crate::settings::Settings;
+
+/// Version of the report's layout.
+pub const REPORT_VERSION: u32 = 1;
+
+/// The report of one run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    pub report_version: u32,
+    /// Version of the core.
+    pub version: String,
+    pub seed: u64,
+    pub library_checksum: String,
+    pub settings: Settings,
+    /// Every cue was met and nothing ended early.
+    pub success: bool,
+    /// In words what went wrong; empty when nothing did.
+    pub problems: Vec<String>,
+    pub cues: Vec<Residual>,
+    pub foot: FootFigures,
+    pub penetration: PenetrationFigures,
+    pub frames: usize,
+    /// Metres the root travelled, and the shortest clear path.
+    pub path_m: f32,
+    pub shortest_path_m: f32,
+    /// Seconds of each stage, by name.
+    pub seconds: BTreeMap<String, f32>,
+    pub updates: usize,
+    pub environment_steps: usize,
+    pub environment_steps_per_second: f32,
+    /// Rollouts the kept motion was chosen from, and how many of them met the cue.
+    pub rollouts: usize,
+    pub rollouts_succeeded: usize,
+    pub curve: Vec<UpdateFigures>,
+}

@@ -1,0 +1,362 @@
+//! Every constant of the paper as a field, with its source; two presets.
+//!
+//! `Settings::preset("paper")` is the paper's table and terms (the released value where the paper gives
+//! none); `Settings::default()` is what Oncue runs: the same algorithm, started from the shortest clear
+//! path, with a view of a few metres, stopped when the task is solved.
+//! `docs/decisions/` says why each default departs from the paper.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::library::feature::FeatureWeights;
+
+/// All settings. Unknown fields are refused by name.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+#[derive(Default)]
+pub struct Settings {
+    pub synthesizer: SynthesizerSettings,
+    pub state: StateSettings,
+    pub signal: SignalSettings,
+    pub reward: RewardSettings,
+    pub termination: TerminationSettings,
+    pub ppo: PpoSettings,
+    pub kept: KeptSettings,
+    pub scene: crate::scene::SceneSettings,
+}
+
+/// S (LAMA, section 3.3).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SynthesizerSettings {
+    /// N: frames between two searches (released: 10).
+    pub search_every: usize,
+    /// w_f².
+    pub weights: FeatureWeights,
+    /// A transition must be cheaper than playing on by this share of the cost (0 = the paper: always the nearest).
+    pub reluctance: f32,
+    /// A sit or stop is refused when its end misses the cue by more than this: metres (released: 0.32)…
+    pub refuse_position: f32,
+    /// …radians…
+    pub refuse_direction: f32,
+    /// …metres of pelvis height…
+    pub refuse_height: f32,
+    /// …or when C_tr + C_vel, the cost of the posture itself, exceeds this.
+    pub refuse_posture: f32,
+    /// Seconds that the motion goes on after the action is complete.
+    pub hold_seconds: f32,
+}
+
+impl Default for SynthesizerSettings {
+    fn default() -> Self {
+        Self {
+            search_every: 10,
+            weights: FeatureWeights::default(),
+            reluctance: 0.15,
+            refuse_position: 0.30,
+            refuse_direction: 0.5,
+            refuse_height: 0.08,
+            refuse_posture: 1.2,
+            hold_seconds: 1.0,
+        }
+    }
+}
+
+/// The state s_t (LAMA, section 3.2).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct StateSettings {
+    /// Joint rotations and their velocities in s^body, 6D (the paper); without them s^body is the
+    /// end effectors' places and velocities, the up vector, the height and the contacts.
+    pub joint_rotations: bool,
+    /// g_occ: cells a side (released: 5).
+    pub view_cells: usize,
+    /// Spacing of the cells, metres, one view each (released: 1 % of the scene box, one view).
+    pub view_spacing: Vec<f32>,
+    /// g_root: the place in the scene as part of the state (the paper). A policy that knows it
+    /// remembers places; one that does not can be used elsewhere.
+    pub scene_position: bool,
+    /// The way to the cue along the clear floor.
+    pub clear_path: bool,
+}
+
+impl Default for StateSettings {
+    fn default() -> Self {
+        Self {
+            joint_rotations: false,
+            view_cells: 9,
+            view_spacing: vec![0.15, 0.45],
+            scene_position: false,
+            clear_path: true,
+        }
+    }
+}
+
+/// How a^future is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FutureForm {
+    /// The root's place after 10, 20 and 30 frames (the paper).
+    Points,
+    /// Its place and facing after 30 frames; a smooth curve fills in the rest (released: one planar goal).
+    Goal,
+}
+
+/// The action a_t (LAMA, section 3.2).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SignalSettings {
+    pub future_form: FutureForm,
+    /// Farthest place of a^future, metres (released: 1.9).
+    pub reach: f32,
+    /// Largest turn of a^future, radians.
+    pub largest_turn: f32,
+    /// Radians of posture offset for one unit of the network's output (released: 0.2).
+    pub offset_scale: f32,
+    /// Largest posture offset, radians (released: 0.7 π).
+    pub largest_offset: f32,
+    /// a^offset at all (the ablation switches it off).
+    pub posture_offset: bool,
+    /// The policy's mean is the step along the shortest clear path plus what the network adds
+    /// (residual policy learning); without it the network starts from nothing, as the paper's.
+    pub propose_clear_path: bool,
+    /// Walking pace of that proposal, m/s.
+    pub pace: f32,
+}
+
+impl Default for SignalSettings {
+    fn default() -> Self {
+        Self {
+            future_form: FutureForm::Goal,
+            reach: 1.6,
+            largest_turn: 2.2,
+            offset_scale: 0.2,
+            largest_offset: 0.7 * std::f32::consts::PI,
+            posture_offset: true,
+            propose_clear_path: true,
+            pace: 1.05,
+        }
+    }
+}
+
+/// R_total and its terms (LAMA, eqs. 3–8).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RewardSettings {
+    /// w_tr, w_act, w_reg (released: 0.4, 0.4, 0.2).
+    pub w_tr: f32,
+    pub w_act: f32,
+    pub w_reg: f32,
+    /// r_coli at all (the ablation switches it off).
+    pub collision: bool,
+    /// 1/σ_coli² (released: 0.35).
+    pub collision_rate: f32,
+    /// w_b of legs and arms (released: 0.7, 0.3), and of feet, torso and head (the paper: 0).
+    pub leg_weight: f32,
+    pub arm_weight: f32,
+    pub body_weight: f32,
+    /// Crossings lower than this over the floor are not counted, metres (released: 0.10).
+    pub ignore_below: f32,
+    /// r_pos along the clear floor instead of as the crow flies.
+    pub geodesic: bool,
+    /// σ_root, metres.
+    pub sigma_root: f32,
+    /// σ_th of r_vel, metres a frame (released: 0.045).
+    pub velocity_threshold: f32,
+    /// σ_inter, metres, and the same for the facing, radians.
+    pub sigma_inter: f32,
+    pub sigma_facing: f32,
+    /// σ²_Δt, σ²_Δv (released: 0.17, 0.10), on C_tr and C_vel; 0 for the ablation without smoothness.
+    pub transition_rate: f32,
+    pub velocity_rate: f32,
+    /// σ_reg, radians.
+    pub sigma_reg: f32,
+    /// Weight of a completed action, in decisions: without it the policy would rather go on collecting R_tr.
+    pub action_scale: f32,
+    /// Discount of every decision of a long way round is too weak; this is taken from each decision.
+    pub time_cost: f32,
+}
+
+impl Default for RewardSettings {
+    fn default() -> Self {
+        Self {
+            w_tr: 0.4,
+            w_act: 0.4,
+            w_reg: 0.2,
+            collision: true,
+            collision_rate: 0.35,
+            leg_weight: 0.7,
+            arm_weight: 0.3,
+            body_weight: 0.3,
+            ignore_below: 0.10,
+            geodesic: true,
+            sigma_root: 2.5,
+            velocity_threshold: 0.018,
+            sigma_inter: 0.3,
+            sigma_facing: 0.5,
+            transition_rate: 0.17,
+            velocity_rate: 0.10,
+            sigma_reg: 1.0,
+            action_scale: 30.0,
+            time_cost: 0.0,
+        }
+    }
+}
+
+/// Early termination (LAMA, supplementary "Acceleration Techniques").
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TerminationSettings {
+    /// Mean r_coli of 5 frames below this (released: 0.04).
+    pub collision: f32,
+    /// Mean root step of 50 frames below this, metres a frame (released: 0.03).
+    pub stall_step: f32,
+    pub stall_frames: usize,
+    /// Frames of an episode at the most.
+    pub longest: usize,
+}
+
+impl Default for TerminationSettings {
+    fn default() -> Self {
+        Self { collision: 0.04, stall_step: 0.006, stall_frames: 50, longest: 900 }
+    }
+}
+
+/// PPO (LAMA, supplementary, table "Details on the hyper-parameters").
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PpoSettings {
+    /// Hidden widths of the policy (4 × 256) and the value network (2 × 256).
+    pub policy_layers: Vec<usize>,
+    pub value_layers: Vec<usize>,
+    pub policy_rate: f32,
+    pub value_rate: f32,
+    /// γ, λ, ε.
+    pub discount: f32,
+    pub lambda: f32,
+    pub clip: f32,
+    /// Tuples per update (30,000) and per gradient step (512).
+    pub tuples: usize,
+    pub batch: usize,
+    pub epochs: usize,
+    pub gradient_norm: f32,
+    /// Initial log standard deviation of a^future and a^offset.
+    pub log_std_future: f32,
+    pub log_std_offset: f32,
+    pub entropy: f32,
+    /// At most this many updates.
+    pub updates: usize,
+    /// Stop when this share of the episodes from the task's own start succeed (1.1: never)…
+    pub solved: f32,
+    /// …or when this many seconds have gone.
+    pub seconds: f32,
+    /// Share of episodes that begin elsewhere on the clear floor, facing anywhere.
+    pub vary_start: f32,
+}
+
+impl Default for PpoSettings {
+    fn default() -> Self {
+        Self {
+            policy_layers: vec![256; 4],
+            value_layers: vec![256; 2],
+            policy_rate: 2e-4,
+            value_rate: 1e-3,
+            discount: 0.95,
+            lambda: 0.95,
+            clip: 0.2,
+            tuples: 30_000,
+            batch: 512,
+            epochs: 5,
+            gradient_norm: 0.5,
+            log_std_future: -1.2,
+            log_std_offset: -1.2,
+            entropy: 0.0,
+            updates: 40,
+            solved: 0.9,
+            seconds: 240.0,
+            vary_start: 0.5,
+        }
+    }
+}
+
+/// Which motion is kept once the policy is optimized.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct KeptSettings {
+    /// Rollouts of the policy from the task's start; the best by the report's figures is kept. 1: the policy's mean alone.
+    pub rollouts: usize,
+    /// Rounds in which new rollouts branch off the best one so far.
+    pub rounds: usize,
+}
+
+impl Default for KeptSettings {
+    fn default() -> Self {
+        Self { rollouts: 256, rounds: 3 }
+    }
+}
+
+impl Settings {
+    /// Names of the presets.
+    pub const PRESETS: [&'static str; 2] = ["default", "paper"];
+
+    /// A preset by its name.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a name that is none of [`Settings::PRESETS`].
+    pub fn preset(name: &str) -> Result<Self> {
+        let mut settings = Self::default();
+        match name {
+            "default" => {}
+            "paper" => {
+                settings.synthesizer.reluctance = 0.0;
+                settings.state = StateSettings {
+                    joint_rotations: true,
+                    view_cells: 5,
+                    view_spacing: vec![0.07],
+                    scene_position: true,
+                    clear_path: false,
+                };
+                settings.signal.future_form = FutureForm::Points;
+                settings.signal.reach = 1.9;
+                settings.signal.propose_clear_path = false;
+                settings.reward.geodesic = false;
+                settings.reward.body_weight = 0.0;
+                settings.ppo.log_std_future = 0.0;
+                settings.ppo.log_std_offset = 0.0;
+                settings.ppo.updates = 200;
+                settings.ppo.seconds = 2400.0;
+                settings.ppo.vary_start = 0.0;
+                settings.kept.rollouts = 1;
+                settings.kept.rounds = 0;
+            }
+            other => {
+                return Err(Error::input(format!(
+                    "There is no preset '{other}'; choose one of {}.",
+                    Self::PRESETS.join(", ")
+                )));
+            }
+        }
+        Ok(settings)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_paper_preset_is_the_papers_table() {
+        let ppo = Settings::preset("paper").expect("a preset").ppo;
+        assert_eq!((ppo.policy_rate, ppo.value_rate), (2e-4, 1e-3));
+        assert_eq!((ppo.discount, ppo.lambda, ppo.clip), (0.95, 0.95, 0.2));
+        assert_eq!((ppo.tuples, ppo.batch), (30_000, 512));
+        assert_eq!((ppo.policy_layers, ppo.value_layers), (vec![256; 4], vec![256; 2]));
+    }
+
+    #[test]
+    fn unknown_fields_and_presets_are_named() {
+        let error = serde_json::from_str::<Settings>(r#"{"ppo": {"gama": 0.9}}"#).unwrap_err();
+        assert!(error.to_string().contains("gama"), "{error}");
+        assert!(Settings::preset("fast").unwrap_err().to_string().contains("fast"));
+    }
+}

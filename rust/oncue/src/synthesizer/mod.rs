@@ -1,0 +1,219 @@
+//! The motion synthesizer S: (m_t, a_t) ↦ m_{t+1} (LAMA, section 3.3).
+//!
+//! Every N-th frame the query feature x_t is matched against the database; between searches the
+//! matched clip plays on. What the database gives is carried to where the character stands,
+//! inertialised ([`inertia`]), altered by the posture offset τ, turned towards the cue when it sits
+//! or stops ([`alignment`]), and its planted feet are kept where they are ([`feet`]).
+
+mod alignment;
+mod feet;
+pub mod inertia;
+
+use glam::{Quat, Vec3};
+
+use crate::cue::ActionCue;
+use crate::library::database::MotionDatabase;
+use crate::library::feature::{PoseFeature, pose_feature};
+use crate::math::Planar;
+use crate::math::rotation::{from_angle_axis, to_angle_axis, wrap_angle};
+use crate::motion::skeleton::JOINT_COUNT;
+use crate::motion::{FRAME_RATE, FootContact, Joint, Pose, Posture};
+
+use alignment::Alignment;
+use feet::Foot;
+use inertia::{Inertia, InertiaVec2};
+
+/// Seconds of one frame.
+pub const FRAME_TIME: f32 = 1.0 / FRAME_RATE;
+
+/// The joints that the posture offset a^offset turns: shoulders and elbows (angle-axis, 12 numbers).
+pub const OFFSET_JOINTS: [Joint; 4] =
+    [Joint::LeftArm, Joint::LeftForeArm, Joint::RightArm, Joint::RightForeArm];
+
+/// a^offset: an angle-axis vector (radians, in the joint's own frame) for each of [`OFFSET_JOINTS`].
+pub type PostureOffset = [Vec3; OFFSET_JOINTS.len()];
+
+/// How fast a transition's difference dies away, seconds for half of it.
+const HALF_LIFE: f32 = 0.085;
+/// The same for the root's velocity.
+const ROOT_HALF_LIFE: f32 = 0.10;
+/// The same for a new posture offset.
+const OFFSET_HALF_LIFE: f32 = 0.12;
+
+/// Everything S knows of the character at frame t.
+#[derive(Debug, Clone)]
+pub struct Character {
+    /// Database frame that plays.
+    pub frame: usize,
+    /// Root's projection on the floor.
+    pub planar: Planar,
+    /// m_t.
+    pub posture: Posture,
+    /// Forward kinematics of m_t.
+    pub pose: Pose,
+    /// Forward kinematics of m_{t-1}.
+    pub before: Pose,
+    pub contact: FootContact,
+    /// World height of the floor it walks on, metres.
+    pub floor: f32,
+    /// Squared distance (radians²) of m_t from m̂_t over the offset joints, for R_reg.
+    pub offset_distance: f32,
+    joints: [Inertia; JOINT_COUNT],
+    height: Inertia,
+    drift: InertiaVec2,
+    spin: f32,
+    feet: [Foot; 2],
+    offset: PostureOffset,
+    offset_velocity: PostureOffset,
+    alignment: Option<Alignment>,
+}
+
+impl Character {
+    /// Standing at `start` in database frame `frame`, on a floor `floor` metres high.
+    pub fn standing(database: &MotionDatabase, frame: usize, start: Planar, floor: f32) -> Self {
+        let source = &database.frames[frame];
+        let mut posture = source.posture.moved(Planar::default(), start);
+        posture.root_position.z += floor;
+        let pose = posture.pose();
+        let mut character = Self {
+            frame,
+            planar: start,
+            posture,
+            pose,
+            before: pose,
+            contact: source.contact,
+            floor,
+            offset_distance: 0.0,
+            joints: [Inertia::default(); JOINT_COUNT],
+            height: Inertia::default(),
+            drift: InertiaVec2::default(),
+            spin: 0.0,
+            feet: Default::default(),
+            offset: [Vec3::ZERO; OFFSET_JOINTS.len()],
+            offset_velocity: [Vec3::ZERO; OFFSET_JOINTS.len()],
+            alignment: None,
+        };
+        character.pose_from(database);
+        character.before = character.pose;
+        character
+    }
+
+    /// {p_j}, {ṗ_j}, θ_up, c of the query feature x_t.
+    pub fn pose_feature(&self) -> PoseFeature {
+        let mut feature = pose_feature(&self.pose, &self.before, self.contact);
+        // Features are over the floor that the person stands on.
+        for e in 0..5 {
+            feature[3 * e + 2] -= self.floor;
+        }
+        feature
+    }
+
+    /// Planar velocity of the root in person-centric space, m/s.
+    pub fn velocity(&self) -> glam::Vec2 {
+        let step = (self.pose.positions[0] - self.before.positions[0]).truncate() * FRAME_RATE;
+        self.planar.direction_to_local(step)
+    }
+
+    /// Enters database frame `frame` without a visible jump.
+    pub fn transition(&mut self, database: &MotionDatabase, frame: usize) {
+        let (old, new) = (&database.frames[self.frame], &database.frames[frame]);
+        let old_next = &database.frames[self.frame + usize::from(old.remaining > 0)];
+        let new_next = &database.frames[frame + usize::from(new.remaining > 0)];
+        for joint in 0..JOINT_COUNT {
+            let velocity = |a: &Posture, b: &Posture| {
+                to_angle_axis(b.rotations[joint] * a.rotations[joint].inverse()) * FRAME_RATE
+            };
+            let shown = from_angle_axis(self.joints[joint].offset) * old.posture.rotations[joint];
+            let inertia = &mut self.joints[joint];
+            inertia.offset = to_angle_axis(shown * new.posture.rotations[joint].inverse());
+            inertia.velocity +=
+                velocity(&old.posture, &old_next.posture) - velocity(&new.posture, &new_next.posture);
+            inertia.limit_velocity();
+        }
+        self.height.offset.z += old.posture.root_position.z - new.posture.root_position.z;
+        self.height.velocity.z += (old_next.posture.root_position.z
+            - old.posture.root_position.z
+            - new_next.posture.root_position.z
+            + new.posture.root_position.z)
+            * FRAME_RATE;
+        self.drift.velocity +=
+            self.planar.direction_to_world(old.step.position - new.step.position) * FRAME_RATE;
+        self.spin += (old.step.yaw - new.step.yaw) * FRAME_RATE;
+        for side in 0..2 {
+            self.feet[side].transition(&self.planar, old, old_next, new, new_next, side);
+        }
+        self.frame = frame;
+        self.alignment = None;
+    }
+
+    /// From now on the clip's end is led to the cue.
+    pub fn align(&mut self, cue: &ActionCue) {
+        self.alignment = Some(Alignment::new(cue));
+    }
+
+    /// One frame of S: the database's next posture, updated by τ: m_{t+1} = τ(m̂_{k*+1}, a^offset).
+    /// The arms turn towards `offset` smoothly.
+    pub fn advance(&mut self, database: &MotionDatabase, offset: &PostureOffset) {
+        let source = &database.frames[self.frame];
+        self.before = self.pose;
+        self.planar = self.planar.compose(source.step);
+        self.planar.position += self.drift.step(ROOT_HALF_LIFE);
+        self.planar.yaw = wrap_angle(self.planar.yaw + self.spin * FRAME_TIME);
+        self.spin *= inertia::decay(ROOT_HALF_LIFE);
+        if source.remaining > 0 {
+            self.frame += 1;
+        }
+        if let Some(alignment) = &mut self.alignment {
+            alignment.step(database, self.frame, &mut self.planar, self.floor);
+        }
+        for inertia in &mut self.joints {
+            inertia.step(HALF_LIFE);
+        }
+        self.height.step(HALF_LIFE);
+        for ((shown, velocity), target) in self.offset.iter_mut().zip(&mut self.offset_velocity).zip(offset) {
+            inertia::spring(shown, velocity, *target, OFFSET_HALF_LIFE);
+        }
+        for side in 0..2 {
+            self.feet[side].step(&self.planar, &database.frames[self.frame], side);
+        }
+        self.pose_from(database);
+    }
+
+    /// Recomputes m_t from the database frame and everything laid over it.
+    fn pose_from(&mut self, database: &MotionDatabase) {
+        let source = &database.frames[self.frame];
+        let posture = &mut self.posture;
+        let lift = self.alignment.as_ref().map_or(0.0, Alignment::lift);
+        let z = source.posture.root_position.z + self.height.offset.z + lift + self.floor;
+        posture.root_position = self.planar.position.extend(z);
+        for joint in 0..JOINT_COUNT {
+            posture.rotations[joint] =
+                from_angle_axis(self.joints[joint].offset) * source.posture.rotations[joint];
+        }
+        posture.rotations[0] = self.planar.rotation() * posture.rotations[0];
+        self.offset_distance = 0.0;
+        for (joint, offset) in OFFSET_JOINTS.iter().zip(&self.offset) {
+            let rotation = &mut posture.rotations[joint.index()];
+            *rotation = (*rotation * from_angle_axis(*offset)).normalize();
+            self.offset_distance += offset.length_squared();
+        }
+        self.pose = posture.pose();
+        for side in 0..2 {
+            self.feet[side].reach(&self.planar, source, self.floor, side, posture, &mut self.pose);
+        }
+        self.contact = [0, 1].map(|s| self.feet[s].contact(source.contact[s]));
+        for rotation in &mut posture.rotations {
+            *rotation = normalize(*rotation);
+        }
+    }
+
+    /// Frames until the sit or stop that plays is complete; `None` while walking.
+    pub fn until_complete(&self, database: &MotionDatabase) -> Option<usize> {
+        self.alignment.as_ref().map(|_| usize::from(database.frames[self.frame].until_complete))
+    }
+}
+
+fn normalize(q: Quat) -> Quat {
+    let length = q.length_squared();
+    if (length - 1.0).abs() > 1e-6 { q.normalize() } else { q }
+}
