@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Oncue: a person who walks through the scene and sits or stops where the cues say, as an armature action."""
+
+from __future__ import annotations
+
+from . import job_operator, overlay, panels, preferences, properties
+from .operators import library, place_cues, scene_setup, synthesize
+
+#: In the order of registering: properties before what shows them, the job's handle before what uses it.
+MODULES = (properties, preferences, job_operator, synthesize, library, place_cues, scene_setup, panels, overlay)
+
+_registered: list = []
+
+
+def register() -> None:
+    """Registers everything; a second call starts afresh, and a failure leaves nothing behind."""
+    if _registered:
+        unregister()
+    try:
+        for module in MODULES:
+            module.register()
+            _registered.append(module)
+    except Exception:
+        unregister()
+        raise
+
+
+def unregister() -> None:
+    """The reverse; what runs is cancelled and waited for first. A second call does nothing."""
+    if job_operator in _registered:
+        job_operator.handle.stop_and_wait("The run was stopped because Oncue was disabled.")
+    while _registered:
+        _registered.pop().unregister()

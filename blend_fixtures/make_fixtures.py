@@ -126,7 +126,7 @@ def stop_by_table() -> None:
 
 
 SCENES = {
-    "demo": demo_room,
+    "demo_room": demo_room,
     "chair_row": chair_row,
     "gap_55": gap_55,
     "stool": stool_alone,

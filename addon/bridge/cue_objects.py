@@ -8,6 +8,7 @@ import math
 import bpy
 from mathutils import Matrix, Vector
 
+from ..errors import SceneError
 from .names import CUE_KEY, oncue_collection
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
@@ -62,3 +63,68 @@ def yaw_from_heading(heading: float) -> float:
 def forward_of(matrix: Matrix) -> Vector:
     """Where an empty faces: its local -Y in the world, unit length (zero for a collapsed scale)."""
     return (matrix.to_3x3() @ Vector((0.0, -1.0, 0.0))).normalized()
+
+
+def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metres_per_unit: float) -> bpy.types.Object:
+    """Moves the visible cue of this kind there (a sit and a stop take each other's place), or makes one; selects it."""
+    group = ("start",) if kind == "start" else ("sit", "stop")
+    label, shape, size, color = KINDS[kind]
+    there = [o for o in context.view_layer.objects if o.get(CUE_KEY) in group and o.visible_get()]
+    if there:
+        cue = there[0]
+        if cue[CUE_KEY] != kind:
+            cue[CUE_KEY], cue.color = kind, color
+            cue.empty_display_type, cue.empty_display_size = shape, size / metres_per_unit
+            if cue.name.split(".")[0] in {"Sit", "Stop"}:
+                cue.name = label
+        cue.matrix_world = Matrix.Translation(position) @ Matrix.Rotation(yaw, 4, "Z")
+    else:
+        cue = make_cue(context, kind, position, yaw, metres_per_unit=metres_per_unit)
+    _select(context, cue)
+    return cue
+
+
+def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) -> bpy.types.Object:
+    """A foot cue in front of the visible sit or stop cue, on the start's floor. Raises SceneError without a cue."""
+    kind = f"{side}_foot"
+    ends = [o for o in context.view_layer.objects if o.get(CUE_KEY) in ("sit", "stop") and o.visible_get()]
+    if not ends:
+        raise SceneError("Place a Sit or Stop cue first: the feet belong to it.")
+    cue, unit = ends[0], 1.0 / metres_per_unit
+    for child in cue.children:
+        if child.get(CUE_KEY) == kind:
+            _select(context, child)
+            return child
+    forward = forward_of(cue.matrix_world)
+    left = Vector((-forward.y, forward.x, 0.0))
+    ahead, aside = (0.42 if cue[CUE_KEY] == "sit" else 0.0), (0.10 if side == "left" else -0.10)
+    place = cue.matrix_world.translation + (forward * ahead + left * aside) * unit
+    starts = [o for o in context.view_layer.objects if o.get(CUE_KEY) == "start"]
+    if starts:
+        place.z = starts[0].matrix_world.translation.z
+    elif cue[CUE_KEY] == "sit":
+        place.z -= 0.55 * unit
+    yaw = math.atan2(forward.y, forward.x) + math.pi / 2
+    foot = make_cue(context, kind, place, yaw, parent=cue, metres_per_unit=metres_per_unit)
+    _select(context, foot)
+    return foot
+
+
+def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector) -> float:
+    """A first guess of a standing cue's yaw: a start looks towards the end cue, a stop away from the start."""
+    others = ("sit", "stop") if kind == "start" else ("start",)
+    for other in context.view_layer.objects:
+        if other.get(CUE_KEY) in others and other.visible_get():
+            way = other.matrix_world.translation - Vector(place)
+            if way.xy.length > 1e-3:
+                way = way if kind == "start" else -way
+                return yaw_from_heading(math.atan2(way.y, way.x))
+    return 0.0
+
+
+def _select(context: bpy.types.Context, cue: bpy.types.Object) -> None:
+    if context.mode != "OBJECT":
+        return
+    for other in context.view_layer.objects:
+        other.select_set(other == cue)
+    context.view_layer.objects.active = cue

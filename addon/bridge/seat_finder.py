@@ -45,6 +45,29 @@ def seat_of_selection(context: bpy.types.Context, metres_per_unit: float = 1.0) 
     return Seat(pelvis, yaw_from_heading(heading))
 
 
+def surface_below(context: bpy.types.Context, place: Vector, metres_per_unit: float = 1.0) -> Vector:
+    """The surface that a plumb line from just over `place` meets, or `place` itself where there is none."""
+    unit = 1.0 / metres_per_unit
+    origin = Vector(place) + Vector((0.0, 0.0, 0.3 * unit))
+    for _ in range(8):
+        hit, location, _, _, thing, _ = context.scene.ray_cast(
+            context.evaluated_depsgraph_get(), origin, Vector((0.0, 0.0, -1.0)), distance=4.0 * unit
+        )
+        if not hit:
+            break
+        if thing.get(CHARACTER_KEY) is None:
+            return location
+        origin = location - Vector((0.0, 0.0, 1e-3 * unit))
+    return Vector(place)
+
+
+def seat_below(context: bpy.types.Context, place: Vector, metres_per_unit: float = 1.0) -> Seat:
+    """The seat under `place`, facing where there is room."""
+    surface = surface_below(context, place, metres_per_unit)
+    heading = _facing(context, surface, Vector((1.0, 0.0, 0.0)), metres_per_unit)
+    return Seat(surface + Vector((0.0, 0.0, PELVIS_OVER_SEAT / metres_per_unit)), yaw_from_heading(heading))
+
+
 def _selected_faces(chair: bpy.types.Object) -> tuple[Vector, Vector]:
     """Middle of the selected faces and the direction of their longest edge, world."""
     mesh = bmesh.from_edit_mesh(chair.data)

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The two ends of a run: everything read from the file before it, everything written after it.
+
+The button, `batch.py` and scripts all come through here, so that one seed gives one motion everywhere.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from .. import native
+from ..errors import SceneError
+from ..pipeline import LibraryChoice, Outcome, Request
+from . import armature, compat
+from .action_writer import Motion, write_action
+from .cue_reader import read_task
+from .names import REPORT_KEY
+from .scene_reader import read_scene
+
+
+def library_choice(scene: bpy.types.Scene) -> LibraryChoice:
+    """What the scene's list names, absolute; `//` is the .blend file's folder."""
+    paths = []
+    for item in scene.oncue.library_paths:
+        if not item.path.strip():
+            continue
+        if item.path.startswith("//") and not bpy.data.filepath:
+            raise SceneError(f"{item.path} is relative to a file that was never saved: save it, or add the path again.")
+        paths.append(str(Path(bpy.path.abspath(item.path)).resolve()))
+    return LibraryChoice(tuple(paths), scene.oncue.starter.lower())
+
+
+def read_request(context: bpy.types.Context) -> tuple[Request, list[tuple[str, str]]]:
+    """All that the run needs, and (object, reason) of the meshes left out. Raises SceneError; changes nothing."""
+    native.require()
+    settings = context.scene.oncue
+    task = read_task(context, settings.scene_scale)
+    library = library_choice(context.scene)
+    meshes = read_scene(
+        context,
+        exclude=settings.exclude,
+        metres_per_unit=settings.scene_scale,
+        scale_confirmed=settings.scale_confirmed,
+    )
+    request = Request(meshes.positions, meshes.triangles, task, library, settings.preset, settings.seed)
+    return request, meshes.skipped
+
+
+def write_outcome(
+    context: bpy.types.Context, request: Request, outcome: Outcome, skipped: list[tuple[str, str]]
+) -> bpy.types.Action:
+    """The character and its new action. The report goes with the action: each take keeps its own."""
+    scene, skeleton, synthesis = context.scene, native.require().skeleton(), outcome.synthesis
+    settings = scene.oncue
+    character = armature.find_character(scene, skeleton)
+    if character is None:
+        character = armature.make_character(context, skeleton, settings.scene_scale)
+    settings.character = character
+    cue = request.task["cue"]["name"]
+    return write_action(
+        context,
+        character,
+        list(skeleton["names"]),
+        Motion(np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate)),
+        name=f"{cue} seed {request.seed}",
+        start_frame=settings.start_frame,
+        metres_per_unit=settings.scene_scale,
+        report=_report(request, outcome, skipped),
+    )
+
+
+def _report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) -> dict:
+    """The core's report with what only Blender's side knows."""
+    return {
+        **outcome.synthesis.report,
+        "task": request.task,
+        "extension": {
+            "blender_version": compat.BLENDER_VERSION,
+            "preset": request.preset,
+            "library": {"paths": list(request.library.paths), "starter": request.library.starter},
+            "scene_triangles": len(request.triangles),
+            "skipped_objects": [{"object": name, "reason": reason} for name, reason in skipped],
+            "skipped_files": [{"file": str(file), "reason": reason} for file, reason in outcome.skipped_files],
+            "seconds": outcome.seconds,
+        },
+    }
+
+
+def report_of(action: bpy.types.Action | None) -> dict | None:
+    """The report that was kept with a take, or None."""
+    text = action.get(REPORT_KEY) if action else None
+    try:
+        return json.loads(text) if text else None
+    except ValueError:
+        return None
+
+
+def current_report(scene: bpy.types.Scene) -> dict | None:
+    """The report of the action that the scene's character plays."""
+    character = scene.oncue.character
+    data = character.animation_data if character else None
+    return report_of(data.action) if data else None
+
+
+def problems_of(report: dict) -> list[str]:
+    """In words what went wrong or was left out; empty when nothing was."""
+    extension = report.get("extension", {})
+    notes = [note["reason"] for note in extension.get("skipped_objects", [])]
+    files = extension.get("skipped_files", [])
+    if files:
+        first = files[0]
+        more = f" and {len(files) - 1} more" if len(files) > 1 else ""
+        notes.append(f"{Path(first['file']).name}{more} could not be read: {first['reason']}")
+    return [*report.get("problems", []), *notes]

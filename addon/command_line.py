@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The main job from the command line: the open (or named) file's cues → a new file with the action, and a report."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+import bpy
+
+from . import native
+from .bridge import session
+from .errors import SceneError
+from .job_operator import sentence
+from .pipeline import LibraryCache, Progress, run_blocking, synthesis_steps
+
+#: Exit statuses: done; no result; written, but a cue was not met.
+DONE, FAILED, NOT_MET = 0, 1, 3
+
+
+def parser() -> argparse.ArgumentParser:
+    made = argparse.ArgumentParser(prog="batch.py", description=__doc__)
+    made.add_argument("blend", nargs="?", type=Path, help="the scene; without it the file that is open")
+    made.add_argument("--out", type=Path, required=True, help="the .blend file to write")
+    made.add_argument("--report", type=Path, help="the report to write, JSON")
+    made.add_argument("--seed", type=int, help="the same seed gives the same motion (default: the scene's)")
+    made.add_argument(
+        "--library", nargs="+", metavar="FILE_OR_FOLDER", help=".bvh files, folders, library files (default: the scene's)"
+    )
+    made.add_argument("--starter", choices=["all", "missing", "none"], help="what the starter library adds")
+    made.add_argument("--preset", help="settings of the optimization (default: the scene's)")
+    made.add_argument("--start-frame", type=int, help="frame of the first key")
+    made.add_argument("--scene-scale", type=float, help="metres per scene unit; 0.01 for centimetres")
+    return made
+
+
+def main(arguments: list[str]) -> int:
+    """Runs the job and gives the exit status; every failure is one sentence on stderr."""
+    options = parser().parse_args(arguments)
+    try:
+        check_writable(options.out)
+        if options.report:
+            check_writable(options.report)
+        if options.blend:
+            open_file(options.blend)
+        return synthesize(options)
+    except native.expected_errors() as error:
+        print(f"Oncue: {sentence(error)}", file=sys.stderr, flush=True)
+        if options.report:
+            write_failure(options, sentence(error))
+        return FAILED
+    except KeyboardInterrupt:
+        print("Oncue: Cancelled.", file=sys.stderr, flush=True)
+        return FAILED
+
+
+def synthesize(options: argparse.Namespace) -> int:
+    context = bpy.context
+    if not hasattr(context.scene, "oncue"):
+        raise SceneError("Oncue is not enabled in this Blender.")
+    apply_options(context.scene, options)
+    print("Oncue: reading the scene", flush=True)
+    request, skipped = session.read_request(context)
+    outcome = run_blocking(synthesis_steps(request, LibraryCache()), ProgressPrinter())
+    action = session.write_outcome(context, request, outcome, skipped)
+    report = session.report_of(action)
+    save(options.out)
+    if options.report:
+        write_json(options.report, report)
+    for problem in session.problems_of(report):
+        print(f"Oncue: {problem}", flush=True)
+    for cue in report.get("cues", []):
+        print(f"Oncue: {cue['cue']}: pelvis {cue['pelvis_cm']:.1f} cm, facing {cue['facing_degrees']:.1f}°", flush=True)
+    print(f"Oncue: wrote {options.out}", flush=True)
+    return DONE if report.get("success", True) else NOT_MET
+
+
+def apply_options(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
+    settings = scene.oncue
+    if options.seed is not None:
+        if options.seed < 0:
+            raise SceneError(f"--seed {options.seed} is negative.")
+        settings.seed = options.seed
+    if options.library is not None:
+        settings.library_paths.clear()
+        for path in options.library:
+            settings.library_paths.add().path = str(Path(path).resolve())
+    if options.starter is not None:
+        settings.starter = options.starter.upper()
+    if options.preset is not None:
+        if options.preset not in native.preset_names():
+            raise SceneError(f"There is no preset {options.preset}; choose one of {', '.join(native.preset_names())}.")
+        settings.preset = options.preset
+    if options.start_frame is not None:
+        settings.start_frame = options.start_frame
+    if options.scene_scale is not None:
+        settings.scene_scale = options.scene_scale
+
+
+def open_file(path: Path) -> None:
+    if not path.is_file():
+        raise SceneError(f"{path} is not there.")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(path.resolve()))
+    except RuntimeError as error:
+        raise SceneError(f"{path} cannot be opened: {str(error).strip()}") from error
+
+
+def check_writable(path: Path) -> None:
+    """Finds out before the work that `path` cannot be written. Raises SceneError; leaves nothing behind."""
+    folder = path.resolve().parent
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        if path.exists():
+            with path.open("ab"):
+                pass
+    except OSError as error:
+        raise SceneError(f"{path} cannot be written: {error.strerror}.") from error
+
+
+def save(path: Path) -> None:
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(path.resolve()), check_existing=False, compress=True)
+    except RuntimeError as error:
+        raise SceneError(f"{path} cannot be written: {str(error).strip()}") from error
+
+
+def write_failure(options: argparse.Namespace, why: str) -> None:
+    try:
+        write_json(options.report, {"success": False, "problems": [why], "seed": options.seed})
+    except OSError as error:
+        print(f"Oncue: {sentence(error)}", file=sys.stderr, flush=True)
+
+
+def write_json(path: Path, report: dict) -> None:
+    path.write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+class ProgressPrinter:
+    """Prints a line when the stage changes, and one every few seconds within it."""
+
+    def __init__(self, every_s: float = 5.0) -> None:
+        self._every, self._stage, self._printed = every_s, "", -1e9
+
+    def __call__(self, progress: Progress) -> None:
+        if progress.stage == self._stage and progress.elapsed_s - self._printed < self._every:
+            return
+        self._stage, self._printed = progress.stage, progress.elapsed_s
+        line = f"Oncue: {progress.elapsed_s:5.0f} s  {progress.stage} {progress.fraction * 100:.0f} %"
+        if progress.update:
+            line += f"  update {progress.update}, success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}"
+        print(line, flush=True)

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One mixin and one handle for every long task: modal with a timer in the window, blocking in the background.
+
+A task reads the file when it begins and writes it when it ends. Between the two nothing in the file changes, so a
+cancelled run leaves it as it was, and saving meanwhile is safe. Undo, loading another file and disabling the
+extension cancel the run and wait until the core's threads have stopped.
+"""
+
+from __future__ import annotations
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import native
+from .pipeline import Run, Steps, run_blocking
+
+#: Seconds between two looks at the work.
+TICK = 0.05
+#: How long Esc waits for the core to stop before the window goes on, seconds.
+ESC_WAIT = 0.15
+#: How long undo, load and unregister wait, seconds; the core stops within a tenth.
+STOP_WAIT = 10.0
+
+
+class JobHandle:
+    """The task at work, if any, and what the last one ended with."""
+
+    def __init__(self) -> None:
+        self.run: Run | None = None
+        self.title = ""
+        #: Why the last run was stopped or failed, for the panel; empty after a success.
+        self.message = ""
+        self._timer, self._window_manager = None, None
+
+    def start(self, context: bpy.types.Context, title: str, run: Run) -> None:
+        self.run, self.title, self.message = run, title, ""
+        self._window_manager = context.window_manager
+        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
+
+    def end(self) -> None:
+        if self._timer is not None:
+            self._window_manager.event_timer_remove(self._timer)
+        self.run, self._timer, self._window_manager = None, None, None
+
+    def stop_and_wait(self, why: str) -> None:
+        """Cancels the task and returns once the core has stopped."""
+        if self.run is not None and not self.run.cancelled:
+            self.message = why
+        if self.run is not None:
+            self.run.cancel()
+            self.run.wait(STOP_WAIT)
+
+
+handle = JobHandle()
+
+
+class JobOperator:
+    """Mixin of a Blender operator. Its class gives `title`, `begin` and `finish`."""
+
+    title = "Working"
+
+    def begin(self, context: bpy.types.Context) -> Steps:
+        """Reads the file and gives the steps of the task. Raises one of `native.expected_errors()`."""
+        raise NotImplementedError
+
+    def finish(self, context: bpy.types.Context, value: object) -> None:
+        """Writes what the steps gave."""
+        raise NotImplementedError
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        if handle.run is not None:
+            cls.poll_message_set("Oncue is at work: wait for it, or press Esc to cancel")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """The blocking way: to the end in one go."""
+        try:
+            self.finish(context, run_blocking(self.begin(context)))
+        except native.expected_errors() as error:
+            return self._refused(error)
+        handle.message = ""
+        return {"FINISHED"}
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        if handle.run is not None:
+            self.report({"WARNING"}, "Oncue is already at work.")
+            return {"CANCELLED"}
+        try:
+            run = Run(self.begin(context))
+            run.poll()
+        except native.expected_errors() as error:
+            return self._refused(error)
+        self._scene = context.scene.name
+        handle.start(context, self.title, run)
+        context.window_manager.modal_handler_add(self)
+        _redraw(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        run = handle.run
+        if run is None:  # ended from elsewhere
+            return {"CANCELLED"}
+        pressed_escape = event.type == "ESC" and event.value == "PRESS"
+        if pressed_escape:
+            run.cancel()
+            run.wait(ESC_WAIT)
+        if event.type == "TIMER" or pressed_escape:
+            _redraw(context)
+            if run.poll():
+                return self._end(context, run)
+        return {"RUNNING_MODAL"} if pressed_escape else {"PASS_THROUGH"}
+
+    def cancel(self, _context: bpy.types.Context) -> None:
+        """Blender ends the operator itself, for instance when the window closes."""
+        handle.stop_and_wait("The run was stopped.")
+        handle.end()
+
+    def _end(self, context: bpy.types.Context, run: Run) -> set[str]:
+        handle.end()
+        try:
+            value = run.result()
+            if context.scene.name != self._scene:
+                self.report({"ERROR"}, f"The result belongs to the scene {self._scene}: show it and run again.")
+                return {"CANCELLED"}
+            self.finish(context, value)
+        except native.expected_errors() as error:
+            return self._refused(error)
+        finally:
+            _redraw(context)
+        return {"FINISHED"}
+
+    def _refused(self, error: BaseException) -> set[str]:
+        if native.is_cancelled(error):
+            handle.message = handle.message or "Cancelled; the file is as it was."
+            self.report({"INFO"}, handle.message)
+        else:
+            handle.message = sentence(error)
+            self.report({"ERROR"}, handle.message)
+        return {"CANCELLED"}
+
+
+def sentence(error: BaseException) -> str:
+    """What an expected error says to the artist."""
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {error.strerror or error}."
+    return str(error)
+
+
+class ONCUE_OT_cancel(bpy.types.Operator):
+    """Stop the run; the file stays as it was (Esc)"""
+
+    bl_idname = "oncue.cancel"
+    bl_label = "Cancel"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return handle.run is not None
+
+    def execute(self, _context: bpy.types.Context) -> set[str]:
+        if handle.run is not None:
+            handle.run.cancel()
+        return {"FINISHED"}
+
+
+def _redraw(context: bpy.types.Context) -> None:
+    """The sidebars only: the view itself has nothing new to show."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
+
+
+@persistent
+def _stop_for_load(*_) -> None:
+    handle.stop_and_wait("The run was stopped because another file was opened.")
+    handle.end()
+
+
+@persistent
+def _stop_for_undo(*_) -> None:
+    handle.stop_and_wait("The run was stopped because of an undo or redo.")
+
+
+def register() -> None:
+    bpy.utils.register_class(ONCUE_OT_cancel)
+    bpy.app.handlers.load_pre.append(_stop_for_load)
+    bpy.app.handlers.undo_pre.append(_stop_for_undo)
+    bpy.app.handlers.redo_pre.append(_stop_for_undo)
+
+
+def unregister() -> None:
+    handle.stop_and_wait("The run was stopped because Oncue was disabled.")
+    handle.end()
+    for handlers, ours in (
+        (bpy.app.handlers.load_pre, _stop_for_load),
+        (bpy.app.handlers.undo_pre, _stop_for_undo),
+        (bpy.app.handlers.redo_pre, _stop_for_undo),
+    ):
+        if ours in handlers:
+            handlers.remove(ours)
+    bpy.utils.unregister_class(ONCUE_OT_cancel)

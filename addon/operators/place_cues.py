@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Placing cues: at the 3D cursor, on the selected seat, and feet beside a cue."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import EnumProperty
+
+from ..bridge import cue_objects, seat_finder
+from ..errors import SceneError
+
+
+class ONCUE_OT_place_cue(bpy.types.Operator):
+    """Place the cue on what lies under the 3D cursor; one that is there already moves"""
+
+    bl_idname = "oncue.place_cue"
+    bl_label = "Place Cue"
+    bl_options = {"REGISTER", "UNDO"}
+
+    kind: EnumProperty(
+        name="Kind",
+        items=[
+            ("start", "Start", "Where the character begins"),
+            ("sit", "Sit", "Where the character's pelvis ends seated"),
+            ("stop", "Stop", "Where the character ends standing"),
+        ],
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def description(cls, _context, properties) -> str:
+        where = {
+            "start": "Place the Start cue on the floor under the 3D cursor",
+            "sit": "Place the Sit cue on the seat under the 3D cursor, facing away from its back",
+            "stop": "Place the Stop cue on the floor under the 3D cursor",
+        }
+        return where[properties.kind] + ". One that is there already moves"
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scale = context.scene.oncue.scene_scale
+        cursor = context.scene.cursor.location
+        if self.kind == "sit":
+            seat = seat_finder.seat_below(context, cursor, scale)
+            place, yaw = seat.pelvis, seat.yaw
+        else:
+            place = seat_finder.surface_below(context, cursor, scale)
+            yaw = cue_objects.facing_on_the_way(context, self.kind, place)
+        cue_objects.place_cue(context, self.kind, place, yaw, scale)
+        return {"FINISHED"}
+
+
+class ONCUE_OT_sit_on_selection(bpy.types.Operator):
+    """Place the Sit cue on the seat's selected face (edit mode) or on the active object, facing away from its back"""
+
+    bl_idname = "oncue.sit_on_selection"
+    bl_label = "Sit on Selection"
+    bl_options = {"REGISTER", "UNDO"}
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scale = context.scene.oncue.scene_scale
+        try:
+            seat = seat_finder.seat_of_selection(context, scale)
+        except SceneError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        cue_objects.place_cue(context, "sit", seat.pelvis, seat.yaw, scale)
+        return {"FINISHED"}
+
+
+class ONCUE_OT_place_foot(bpy.types.Operator):
+    """Place a foot cue before the Sit or Stop cue; move it to where the foot is to stand"""
+
+    bl_idname = "oncue.place_foot"
+    bl_label = "Place Foot"
+    bl_options = {"REGISTER", "UNDO"}
+
+    side: EnumProperty(name="Side", items=[("left", "Left", ""), ("right", "Right", "")], options={"SKIP_SAVE"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scale = context.scene.oncue.scene_scale
+        try:
+            cue_objects.place_foot(context, self.side, scale)
+        except SceneError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+CLASSES = (ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_place_foot)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

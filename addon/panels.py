@@ -1,0 +1,184 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sidebar tab."""
+
+from __future__ import annotations
+
+import textwrap
+
+import bpy
+
+from . import native
+from .bridge import session
+from .bridge.cue_reader import ENDS, FEET, visible_cues
+from .bridge.names import CUE_KEY
+from .job_operator import handle
+
+#: Pixels that a character of the interface's font is wide, on average.
+CHARACTER_WIDTH = 7
+
+
+class OncuePanel:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Oncue"
+
+
+class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
+    bl_label = "Cues"
+    bl_order = 0
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        row = layout.row(align=True)
+        row.operator("oncue.place_cue", text="Start", icon="PLAY").kind = "start"
+        row.operator("oncue.place_cue", text="Sit", icon="EMPTY_SINGLE_ARROW").kind = "sit"
+        row.operator("oncue.place_cue", text="Stop", icon="SNAP_FACE").kind = "stop"
+        layout.operator("oncue.sit_on_selection", icon="FACESEL")
+        row = layout.row(align=True)
+        row.operator("oncue.place_foot", text="Left Foot").side = "left"
+        row.operator("oncue.place_foot", text="Right Foot").side = "right"
+        column = layout.column(align=True)
+        cues = visible_cues(context, "start", *ENDS, *FEET)
+        for cue in cues:
+            row = column.row()
+            row.label(text=cue.name, icon="EMPTY_AXIS")
+            row.label(text=cue[CUE_KEY].replace("_", " "))
+        kinds = {cue[CUE_KEY] for cue in cues}
+        if "start" not in kinds:
+            column.label(text="No Start cue yet", icon="INFO")
+        if not kinds & set(ENDS):
+            column.label(text="No Sit or Stop cue yet", icon="INFO")
+
+
+class ONCUE_PT_library(OncuePanel, bpy.types.Panel):
+    bl_label = "Motion Library"
+    bl_order = 1
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.scene.oncue
+        if settings.library_paths:
+            row = layout.row()
+            row.template_list(
+                "ONCUE_UL_library", "", settings, "library_paths", settings, "library_index", rows=2, maxrows=6
+            )
+            row.column().operator("oncue.remove_library", text="", icon="REMOVE")
+            layout.prop(settings, "starter")
+        else:
+            layout.label(text="Starter library (procedural)", icon="FUND")
+        row = layout.row(align=True)
+        row.operator("oncue.add_library", text="Add Files", icon="FILE")
+        row.operator("oncue.add_library", text="Add Folder", icon="FILE_FOLDER").folder = True
+        if settings.library_paths:
+            layout.operator("oncue.save_library", icon="FILE_TICK")
+
+
+class ONCUE_UL_library(bpy.types.UIList):
+    def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property) -> None:
+        icon = "FILE" if item.path.lower().endswith((".bvh", ".oncue")) else "FILE_FOLDER"
+        layout.prop(item, "path", text="", emboss=False, icon=icon)
+
+
+class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
+    bl_label = "Settings"
+    bl_order = 2
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.scene.oncue
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        for name in ("seed", "start_frame", "preset", "character", "exclude", "scene_scale", "show_cues"):
+            layout.prop(settings, name)
+        layout.operator("oncue.toggle_exclude")
+
+
+class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
+    bl_label = "Synthesize"
+    bl_order = 3
+    bl_options = {"HIDE_HEADER"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        if native.MISSING:
+            write_lines(context, layout, native.MISSING, "ERROR")
+            return
+        if handle.run is not None:
+            _draw_progress(layout)
+            return
+        row = layout.row()
+        row.scale_y = 1.6
+        row.operator("oncue.synthesize", icon="ARMATURE_DATA")
+        if handle.message:
+            write_lines(context, layout.box(), handle.message, "INFO" if "cancelled" in handle.message.lower() else "ERROR")
+            if "Set Scene Scale" in handle.message:
+                row = layout.row(align=True)
+                for label, scale in (("Centimetres", 0.01), ("Millimetres", 0.001), ("Metres", 1.0)):
+                    row.operator("oncue.set_scene_scale", text=label).scale = scale
+
+
+class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
+    bl_label = "Result"
+    bl_order = 4
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return session.current_report(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, report = self.layout, session.current_report(context.scene)
+        for line, icon in result_lines(report):
+            layout.label(text=line, icon=icon)
+        for problem in session.problems_of(report):
+            write_lines(context, layout.box(), problem, "ERROR")
+
+
+def result_lines(report: dict) -> list[tuple[str, str]]:
+    """The figures of a report as (line, icon)."""
+    lines = []
+    for cue in report.get("cues", []):
+        lines.append((f"{cue['cue']}: {'met' if cue['met'] else 'not met'}", "CHECKMARK" if cue["met"] else "ERROR"))
+        lines.append((f"    Pelvis {cue['pelvis_cm']:.1f} cm, facing {cue['facing_degrees']:.1f}°", "BLANK1"))
+        for side, miss in zip(("Left", "Right"), cue.get("feet_cm", (None, None)), strict=True):
+            if miss is not None:
+                lines.append((f"    {side} foot {miss:.1f} cm", "BLANK1"))
+    if "foot" in report:
+        lines.append((f"Foot contact {report['foot']['contact_cm']:.1f} cm, skate {report['foot']['skate_cm']:.2f} cm/frame", "BLANK1"))
+    if "penetration" in report:
+        lines.append((f"Penetration {report['penetration']['percent']:.1f} % of the frames", "BLANK1"))
+    seconds = report.get("extension", {}).get("seconds", {})
+    if seconds:
+        lines.append((f"Made in {sum(seconds.values()):.0f} s, seed {report.get('seed', 0)}", "TIME"))
+    return lines
+
+
+def _draw_progress(layout: bpy.types.UILayout) -> None:
+    progress = handle.run.progress()
+    stage = "Stopping" if handle.run.cancelled else progress.stage or handle.title
+    layout.progress(factor=min(max(progress.fraction, 0.0), 1.0), text=stage)
+    column = layout.column(align=True)
+    if progress.update:
+        column.label(text=f"Update {progress.update}, success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}")
+    left = f", about {progress.remaining_s:.0f} s left" if progress.remaining_s is not None else ""
+    column.label(text=f"{progress.elapsed_s:.0f} s{left}", icon="TIME")
+    layout.operator("oncue.cancel", text="Cancel (Esc)", icon="CANCEL")
+
+
+def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:
+    """A sentence over as many lines as the sidebar's width asks for."""
+    width = context.region.width / context.preferences.system.ui_scale if context.region else 240
+    column = layout.column(align=True)
+    for k, line in enumerate(textwrap.wrap(text, max(int((width - 50) / CHARACTER_WIDTH), 16))):
+        column.label(text=line, icon=icon if k == 0 else "BLANK1")
+
+
+CLASSES = (ONCUE_UL_library, ONCUE_PT_cues, ONCUE_PT_library, ONCUE_PT_settings, ONCUE_PT_synthesize, ONCUE_PT_results)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister() -> None:
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The main job without Blender, in reading order: library, scene index, synthesis.
+
+A run is a generator of the core's jobs: whoever drives it (a timer in the window, a loop in the background)
+polls the job that it stands at, and the same steps give the same motion for the same seed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from . import native
+from .errors import SceneError
+
+#: Ending of a library file that Oncue wrote.
+LIBRARY_SUFFIX = ".oncue"
+
+Steps = Generator[object, None, object]
+
+
+@dataclass(frozen=True)
+class LibraryChoice:
+    """Where the motion comes from: mocap files, folders and library files, and what the starter adds."""
+
+    paths: tuple[str, ...] = ()
+    #: "all", "missing" (what the files lack) or "none".
+    starter: str = "missing"
+
+
+@dataclass(frozen=True)
+class Request:
+    """All that a run needs, read from the file before it starts."""
+
+    #: Scene triangles, world, metres: float32 (n, 3) and uint32 (m, 3).
+    positions: np.ndarray
+    triangles: np.ndarray
+    task: dict
+    library: LibraryChoice = LibraryChoice()
+    preset: str = "default"
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run gives: the core's synthesis, and what the artist should know about its input."""
+
+    synthesis: object
+    #: Seconds of each step.
+    seconds: dict[str, float]
+    #: (mocap file, reason) of each file that was left out.
+    skipped_files: list[tuple[str, str]] = field(default_factory=list)
+
+
+class LibraryCache:
+    """The library built last, kept until its files change."""
+
+    def __init__(self) -> None:
+        self._key, self._built = None, None
+
+    def get(self, key):
+        return self._built if key == self._key else None
+
+    def put(self, key, built) -> None:
+        self._key, self._built = key, built
+
+
+def synthesis_steps(request: Request, cache: LibraryCache) -> Steps:
+    """The whole run."""
+    core, seconds = native.require(), {}
+    with _timed(seconds, "library"):
+        library, skipped = yield from library_steps(request.library, cache)
+    with _timed(seconds, "scene_index"):
+        scene = yield from _finish(core.index_scene(request.positions, request.triangles))
+    with _timed(seconds, "synthesis"):
+        settings = core.default_settings(request.preset)
+        synthesis = yield from _finish(core.synthesize(scene, library, request.task, settings, request.seed))
+    return Outcome(synthesis, seconds, skipped)
+
+
+def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps:
+    """The motion library of a choice, and the files that were left out of it."""
+    core = native.require()
+    key = (choice, _state_of_files(choice.paths))
+    built = cache.get(key)
+    if built is None:
+        finished = [path for path in choice.paths if _is_library_file(path)]
+        mocap = [path for path in choice.paths if path not in finished]
+        library, skipped = None, []
+        if mocap or not finished or choice.starter == "all":
+            if not choice.paths and choice.starter == "none":
+                raise SceneError("The motion library is empty: add mocap files, or let the starter library in.")
+            starter = choice.starter if mocap else "all"
+            library, skipped = yield from _finish(core.build_library(mocap, {"starter": starter}))
+        for path in finished:
+            read = core.Library.read(path)
+            library = read if library is None else library.merged(read)
+        built = (library, list(skipped))
+        cache.put(key, built)
+    return built
+
+
+def _finish(job) -> Steps:
+    while not job.done():
+        yield job
+    return job.result()
+
+
+def _is_library_file(path: str) -> bool:
+    return Path(path).is_file() and Path(path).suffix.lower() != ".bvh"
+
+
+def _state_of_files(paths: tuple[str, ...]) -> tuple:
+    """Changes when a file of the library changes. Raises SceneError for a path that is gone."""
+    state = []
+    for path in map(Path, paths):
+        if not path.exists():
+            raise SceneError(f"The motion library {path} is not there any more: remove it from the list or bring it back.")
+        files = sorted(path.rglob("*")) if path.is_dir() else [path]
+        state += [(str(f), f.stat().st_mtime_ns, f.stat().st_size) for f in files if f.is_file()]
+    return tuple(state)
+
+
+class _timed:
+    """Writes the seconds that its block took."""
+
+    def __init__(self, seconds: dict[str, float], name: str) -> None:
+        self._seconds, self._name = seconds, name
+
+    def __enter__(self) -> None:
+        self._began = time.perf_counter()
+
+    def __exit__(self, *_) -> None:
+        self._seconds[self._name] = time.perf_counter() - self._began
+
+
+# --- driving the steps -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a watcher sees at one moment."""
+
+    stage: str = "Starting"
+    #: Share of the stage, 0..1.
+    fraction: float = 0.0
+    update: int = 0
+    reward: float = 0.0
+    success_rate: float = 0.0
+    elapsed_s: float = 0.0
+    #: Estimate for the stage; None while there is too little to go by.
+    remaining_s: float | None = None
+
+
+class Run:
+    """Drives steps to their end. Cancel is a request that stays until the work has really stopped."""
+
+    def __init__(self, steps: Steps) -> None:
+        self._steps, self._job = steps, None
+        self._value, self._error = None, None
+        self._finished, self._cancelled = False, False
+        self._began = self._stage_began = time.perf_counter()
+        self._stage = ""
+
+    @property
+    def finished(self) -> bool:
+        return self._finished
+
+    def poll(self) -> bool:
+        """Goes on where a job is done; whether everything is finished. Returns at once."""
+        while not self._finished:
+            if self._job is not None and not self._job.done():
+                return False
+            try:
+                self._job = next(self._steps)
+            except StopIteration as stop:
+                self._value, self._finished = stop.value, True
+            except Exception as error:  # kept for result(), which raises it where it is shown
+                self._error, self._finished = error, True
+            if self._cancelled and self._job is not None and not self._finished:
+                self._job.cancel()
+        return True
+
+    def wait(self, timeout_s: float) -> bool:
+        """Polls for at most `timeout_s` seconds; whether everything is finished."""
+        deadline = time.perf_counter() + timeout_s
+        while not self.poll():
+            left = deadline - time.perf_counter()
+            if left <= 0.0:
+                return False
+            self._job.wait(min(left, 0.1))
+        return True
+
+    def cancel(self) -> None:
+        self._cancelled = True
+        if self._job is not None:
+            self._job.cancel()
+
+    @property
+    def cancelled(self) -> bool:
+        return self._cancelled
+
+    def result(self):
+        """The steps' value. Raises what they raised; Cancelled when a cancel was asked for, even too late."""
+        if self._error is not None:
+            raise self._error
+        if self._cancelled:
+            raise native.require().Cancelled("Cancelled.")
+        return self._value
+
+    def progress(self) -> Progress:
+        now = time.perf_counter()
+        if self._job is None or self._finished:
+            return Progress(elapsed_s=now - self._began)
+        seen = self._job.progress()
+        if seen["stage"] != self._stage:
+            self._stage, self._stage_began = seen["stage"], now
+        fraction, taken = float(seen["fraction"]), now - self._stage_began
+        remaining = taken * (1.0 - fraction) / fraction if fraction > 0.03 and taken > 1.0 else None
+        return Progress(
+            stage=seen["stage"],
+            fraction=fraction,
+            update=int(seen["update"]),
+            reward=float(seen["reward"]),
+            success_rate=float(seen["success_rate"]),
+            elapsed_s=now - self._began,
+            remaining_s=remaining,
+        )
+
+
+def run_blocking(steps: Steps, watch: Callable[[Progress], None] | None = None, every_s: float = 0.25):
+    """Runs the steps to their end, showing the progress to `watch` now and then; gives or raises what they do."""
+    run = Run(steps)
+    try:
+        while not run.wait(every_s):
+            if watch:
+                watch(run.progress())
+    except BaseException:  # an interrupt must not leave the core's threads at work
+        run.cancel()
+        run.wait(5.0)
+        raise
+    return run.result()

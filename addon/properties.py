@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a scene remembers of Oncue: `scene.oncue`."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from . import native
+
+#: Dynamic enum items must stay alive while Blender shows them.
+_PRESETS: list[tuple[str, str, str]] = []
+PRESET_NOTES = {
+    "default": "Fast: optimizing starts from the shortest clear path and stops once the cue is met",
+    "paper": "The paper's constants and terms throughout; many times slower",
+}
+
+
+def _presets(_self, _context):
+    if not _PRESETS:
+        for name in native.preset_names():
+            _PRESETS.append((name, name.title(), PRESET_NOTES.get(name, "")))
+    return _PRESETS
+
+
+def _confirm_scale(self, _context) -> None:
+    self.scale_confirmed = True
+
+
+def _redraw(_self, context) -> None:
+    for area in context.screen.areas if context.screen else ():
+        area.tag_redraw()
+
+
+class OncueLibraryPath(bpy.types.PropertyGroup):
+    """One entry of the motion library."""
+
+    path: StringProperty(
+        name="Path", description="A .bvh file, a folder of them, or a library file", subtype="FILE_PATH", default=""
+    )
+
+
+class OncueSettings(bpy.types.PropertyGroup):
+    """Settings of one scene."""
+
+    library_paths: CollectionProperty(type=OncueLibraryPath)
+    library_index: IntProperty(name="Entry")
+    starter: EnumProperty(
+        name="Starter",
+        description="What the procedural starter library adds to your files",
+        items=[
+            ("MISSING", "Where Missing", "The actions that your files lack; all of it when there are no files"),
+            ("ALL", "All", "All of its motion beside your files'"),
+            ("NONE", "None", "Your files only"),
+        ],
+        default="MISSING",
+    )
+    preset: EnumProperty(name="Preset", description="Settings of the motion's optimization", items=_presets)
+    seed: IntProperty(name="Seed", description="The same seed gives the same motion; another one another take", min=0, default=1)
+    start_frame: IntProperty(name="Start Frame", description="Frame of the first key", default=1, min=0, max=1_000_000)
+    scene_scale: FloatProperty(
+        name="Scene Scale",
+        description="Metres per scene unit: 1 for a scene in metres, 0.01 for centimetres",
+        default=1.0,
+        min=1e-4,
+        max=1e4,
+        precision=4,
+        update=_confirm_scale,
+    )
+    scale_confirmed: BoolProperty(name="Scale Is Right", description="Do not question the scene's size", default=False)
+    exclude: PointerProperty(
+        name="Exclude",
+        description="A collection that the character may walk through",
+        type=bpy.types.Collection,
+    )
+    character: PointerProperty(
+        name="Character",
+        description="The armature that gets the motion; made on the first run",
+        type=bpy.types.Object,
+        poll=lambda _self, thing: thing.type == "ARMATURE",
+    )
+    show_cues: BoolProperty(
+        name="Draw Cues", description="Draw footprints, facing and the seated figure at the cues", default=True, update=_redraw
+    )
+
+
+CLASSES = (OncueLibraryPath, OncueSettings)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Scene.oncue = PointerProperty(type=OncueSettings)
+
+
+def unregister() -> None:
+    del bpy.types.Scene.oncue
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
+    _PRESETS.clear()
