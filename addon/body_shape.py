@@ -80,12 +80,18 @@ def _trunk(surface: Surface, at: dict) -> None:
     chain = ["Hips", "Spine", "Spine1", "Spine2"]
     heights = [at[name][2] for name in chain]
     surface.add(
-        *_loft([((0.0, s[3], s[0]), s[1], s[2]) for s in sections], (1, 0, 0), (0, 1, 0), rings=26, power=2.5, segments=32),
+        *_loft(
+            [((0.0, s[3], s[0]), s[1], s[2]) for s in sections], (1, 0, 0), (0, 1, 0), rings=26, power=2.5, segments=32
+        ),
         BODY,
         lambda vertex: _blend(vertex[2], chain, heights),
     )
     top = at["Head"][2]
-    throat = [((0, y, neck[2] - 0.03), 0.056, 0.056), ((0, y - 0.008, neck[2] + 0.05), 0.050, 0.053), ((0, y - 0.014, top), 0.050, 0.056)]
+    throat = [
+        ((0, y, neck[2] - 0.03), 0.056, 0.056),
+        ((0, y - 0.008, neck[2] + 0.05), 0.050, 0.053),
+        ((0, y - 0.014, top), 0.050, 0.056),
+    ]
     surface.add(*_loft(throat, (1, 0, 0), (0, 1, 0)), JOINT, "Neck")
 
 
@@ -106,7 +112,11 @@ def _head(surface: Surface, at: dict) -> None:
     rings = [((x, y + s[3], z + s[0]), s[1], s[2]) for s in sections]
     surface.add(*_loft(rings, (1, 0, 0), (0, 1, 0), rings=22, cap=0.08), BODY, "Head")
     # A nose shows which way the face looks, even from far.
-    nose = [((x, y - 0.100, z + 0.062), 0.008, 0.008), ((x, y - 0.108, z + 0.040), 0.012, 0.014), ((x, y - 0.106, z + 0.026), 0.013, 0.012)]
+    nose = [
+        ((x, y - 0.100, z + 0.062), 0.008, 0.008),
+        ((x, y - 0.108, z + 0.040), 0.012, 0.014),
+        ((x, y - 0.106, z + 0.026), 0.013, 0.012),
+    ]
     surface.add(*_loft(nose, (1, 0, 0), (0, 1, 0), rings=6, segments=12), BODY, "Head")
     for sign in (1.0, -1.0):
         surface.add(*_ball((x + sign * 0.076, y + 0.006, z + 0.042), (0.009, 0.019, 0.031)), BODY, "Head")
@@ -124,7 +134,9 @@ def _arm(surface: Surface, at: dict, side: str, sign: float) -> None:
     )
     surface.add(*_ball(shoulder, (0.056, 0.056, 0.056)), JOINT, f"{side}Arm")
     surface.add(
-        *_limb(shoulder, elbow, [(0.10, 0.050, 0.050), (0.30, 0.050, 0.049), (0.60, 0.044, 0.044), (0.88, 0.037, 0.038)]),
+        *_limb(
+            shoulder, elbow, [(0.10, 0.050, 0.050), (0.30, 0.050, 0.049), (0.60, 0.044, 0.044), (0.88, 0.037, 0.038)]
+        ),
         BODY,
         f"{side}Arm",
     )
@@ -166,10 +178,20 @@ def _leg(surface: Surface, at: dict, side: str) -> None:
     hip, knee, ankle = at[f"{side}UpLeg"], at[f"{side}Leg"], at[f"{side}Foot"]
     surface.add(*_ball(hip + np.array([0.0, 0.004, 0.0]), (0.076, 0.084, 0.078)), JOINT, f"{side}UpLeg")
     # Share of the length, half width, half depth, how far the middle lies behind the bone.
-    thigh = [(0.03, 0.074, 0.082, 0.006), (0.25, 0.073, 0.080, 0.0), (0.55, 0.063, 0.068, -0.002), (0.90, 0.050, 0.053, 0.0)]
+    thigh = [
+        (0.03, 0.074, 0.082, 0.006),
+        (0.25, 0.073, 0.080, 0.0),
+        (0.55, 0.063, 0.068, -0.002),
+        (0.90, 0.050, 0.053, 0.0),
+    ]
     surface.add(*_limb(hip, knee, thigh), BODY, f"{side}UpLeg")
     surface.add(*_ball(knee, (0.051, 0.053, 0.052)), JOINT, f"{side}Leg")
-    shin = [(0.09, 0.048, 0.050, 0.002), (0.28, 0.051, 0.056, 0.012), (0.55, 0.042, 0.045, 0.008), (0.92, 0.031, 0.035, 0.002)]
+    shin = [
+        (0.09, 0.048, 0.050, 0.002),
+        (0.28, 0.051, 0.056, 0.012),
+        (0.55, 0.042, 0.045, 0.008),
+        (0.92, 0.031, 0.035, 0.002),
+    ]
     surface.add(*_limb(knee, ankle, shin), BODY, f"{side}Leg")
     surface.add(*_ball(ankle, (0.034, 0.038, 0.036)), JOINT, f"{side}Foot")
 
@@ -218,7 +240,9 @@ def _limb(start: np.ndarray, end: np.ndarray, sections: list[tuple[float, ...]],
     return _loft(rings, across, back)
 
 
-def _loft(sections, across, back, *, rings: int = RINGS, segments: int = SEGMENTS, power: float = 2.0, cap: float = 0.5):
+def _loft(
+    sections, across, back, *, rings: int = RINGS, segments: int = SEGMENTS, power: float = 2.0, cap: float = 0.5
+):
     """A smooth skin through sections (center, half width along `across`, half depth along `back`), ends rounded.
 
     `power` 2 gives ellipses, more gives rounder boxes; `cap` is an end's height over the section's smaller half.

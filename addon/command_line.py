@@ -28,7 +28,10 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--report", type=Path, help="the report to write, JSON")
     made.add_argument("--seed", type=int, help="the same seed gives the same motion (default: the scene's)")
     made.add_argument(
-        "--library", nargs="+", metavar="FILE_OR_FOLDER", help=".bvh files, folders, library files (default: the scene's)"
+        "--library",
+        nargs="+",
+        metavar="FILE_OR_FOLDER",
+        help=".bvh files, folders, library files (default: the scene's)",
     )
     made.add_argument("--starter", choices=["all", "missing", "none"], help="what the starter library adds")
     made.add_argument("--preset", help="settings of the optimization (default: the scene's)")
@@ -153,5 +156,7 @@ class ProgressPrinter:
         self._stage, self._printed = progress.stage, progress.elapsed_s
         line = f"Oncue: {progress.elapsed_s:5.0f} s  {progress.stage} {progress.fraction * 100:.0f} %"
         if progress.update:
-            line += f"  update {progress.update}, success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}"
+            line += (
+                f"  update {progress.update}, success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}"
+            )
         print(line, flush=True)

@@ -54,7 +54,9 @@ def seated(floor: float) -> Lines:
         lines += [(Vector((0, 0, 0)), hip), (hip, knee), (knee, ankle)]
         lines += [(Vector((0, 0.03, 0.48)), shoulder), (shoulder, elbow), (elbow, hand)]
         lines += [(a + Vector((0, 0, floor)), b + Vector((0, 0, floor))) for a, b in footprint(0.11 * side, -0.42)]
-    ring = [Vector((0.085 * math.cos(t), -0.005, 0.68 + 0.11 * math.sin(t))) for t in (k * math.tau / 20 for k in range(20))]
+    ring = [
+        Vector((0.085 * math.cos(t), -0.005, 0.68 + 0.11 * math.sin(t))) for t in (k * math.tau / 20 for k in range(20))
+    ]
     lines += list(zip(ring, ring[1:] + ring[:1], strict=True))
     return lines + arrow(0.70, 0.25, floor + 0.005)
 

@@ -109,7 +109,9 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
         row.scale_y = 1.6
         row.operator("oncue.synthesize", icon="ARMATURE_DATA")
         if handle.message:
-            write_lines(context, layout.box(), handle.message, "INFO" if "cancelled" in handle.message.lower() else "ERROR")
+            write_lines(
+                context, layout.box(), handle.message, "INFO" if "cancelled" in handle.message.lower() else "ERROR"
+            )
             if "Set Scene Scale" in handle.message:
                 row = layout.row(align=True)
                 for label, scale in (("Centimetres", 0.01), ("Millimetres", 0.001), ("Metres", 1.0)):
@@ -142,7 +144,12 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
             if miss is not None:
                 lines.append((f"    {side} foot {miss:.1f} cm", "BLANK1"))
     if "foot" in report:
-        lines.append((f"Foot contact {report['foot']['contact_cm']:.1f} cm, skate {report['foot']['skate_cm']:.2f} cm/frame", "BLANK1"))
+        lines.append(
+            (
+                f"Foot contact {report['foot']['contact_cm']:.1f} cm, skate {report['foot']['skate_cm']:.2f} cm/frame",
+                "BLANK1",
+            )
+        )
     if "penetration" in report:
         lines.append((f"Penetration {report['penetration']['percent']:.1f} % of the frames", "BLANK1"))
     seconds = report.get("extension", {}).get("seconds", {})
@@ -157,7 +164,9 @@ def _draw_progress(layout: bpy.types.UILayout) -> None:
     layout.progress(factor=min(max(progress.fraction, 0.0), 1.0), text=stage)
     column = layout.column(align=True)
     if progress.update:
-        column.label(text=f"Update {progress.update}, success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}")
+        column.label(
+            text=f"Update {progress.update}, success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}"
+        )
     left = f", about {progress.remaining_s:.0f} s left" if progress.remaining_s is not None else ""
     column.label(text=f"{progress.elapsed_s:.0f} s{left}", icon="TIME")
     layout.operator("oncue.cancel", text="Cancel (Esc)", icon="CANCEL")

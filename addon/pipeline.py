@@ -119,7 +119,9 @@ def _state_of_files(paths: tuple[str, ...]) -> tuple:
     state = []
     for path in map(Path, paths):
         if not path.exists():
-            raise SceneError(f"The motion library {path} is not there any more: remove it from the list or bring it back.")
+            raise SceneError(
+                f"The motion library {path} is not there any more: remove it from the list or bring it back."
+            )
         files = sorted(path.rglob("*")) if path.is_dir() else [path]
         state += [(str(f), f.stat().st_mtime_ns, f.stat().st_size) for f in files if f.is_file()]
     return tuple(state)

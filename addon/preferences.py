@@ -13,7 +13,10 @@ class OncuePreferences(bpy.types.AddonPreferences):
     bl_idname = __package__
 
     mocap_folder: StringProperty(
-        name="Mocap Folder", description="Where the file browser opens for motion capture", subtype="DIR_PATH", default=""
+        name="Mocap Folder",
+        description="Where the file browser opens for motion capture",
+        subtype="DIR_PATH",
+        default="",
     )
     ghost_color: FloatVectorProperty(
         name="Seated Figure",
@@ -30,7 +33,9 @@ class OncuePreferences(bpy.types.AddonPreferences):
         layout.use_property_split = True
         layout.prop(self, "mocap_folder")
         layout.prop(self, "ghost_color")
-        layout.label(text=native.MISSING or f"Core {native.core.__version__}", icon="ERROR" if native.MISSING else "CHECKMARK")
+        layout.label(
+            text=native.MISSING or f"Core {native.core.__version__}", icon="ERROR" if native.MISSING else "CHECKMARK"
+        )
 
 
 def get(context: bpy.types.Context) -> OncuePreferences | None:

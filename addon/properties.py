@@ -64,7 +64,9 @@ class OncueSettings(bpy.types.PropertyGroup):
         default="MISSING",
     )
     preset: EnumProperty(name="Preset", description="Settings of the motion's optimization", items=_presets)
-    seed: IntProperty(name="Seed", description="The same seed gives the same motion; another one another take", min=0, default=1)
+    seed: IntProperty(
+        name="Seed", description="The same seed gives the same motion; another one another take", min=0, default=1
+    )
     start_frame: IntProperty(name="Start Frame", description="Frame of the first key", default=1, min=0, max=1_000_000)
     scene_scale: FloatProperty(
         name="Scene Scale",
@@ -88,7 +90,10 @@ class OncueSettings(bpy.types.PropertyGroup):
         poll=lambda _self, thing: thing.type == "ARMATURE",
     )
     show_cues: BoolProperty(
-        name="Draw Cues", description="Draw footprints, facing and the seated figure at the cues", default=True, update=_redraw
+        name="Draw Cues",
+        description="Draw footprints, facing and the seated figure at the cues",
+        default=True,
+        update=_redraw,
     )
 
 

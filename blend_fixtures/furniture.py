@@ -47,14 +47,18 @@ class Piece:
         faces = {face for vertex in made["verts"] for face in vertex.link_faces}
         if round_by > 0.0:
             edges = {edge for face in faces for edge in face.edges}
-            bevel = bmesh.ops.bevel(self.mesh, geom=list(edges), offset=round_by, segments=3, affect="EDGES", profile=0.5)
+            bevel = bmesh.ops.bevel(
+                self.mesh, geom=list(edges), offset=round_by, segments=3, affect="EDGES", profile=0.5
+            )
             faces = {face for face in faces if face.is_valid} | set(bevel["faces"])
         return self._color(faces, color)
 
     def leg(self, x: float, y: float, top: float, color: str, half: float = 0.02) -> Piece:
         return self.box((x - half, y - half, 0.0), (x + half, y + half, top), color)
 
-    def cylinder(self, middle, radius: float, low: float, high: float, color: str, top_radius: float | None = None) -> Piece:
+    def cylinder(
+        self, middle, radius: float, low: float, high: float, color: str, top_radius: float | None = None
+    ) -> Piece:
         made = bmesh.ops.create_cone(
             self.mesh,
             cap_ends=True,
@@ -216,7 +220,9 @@ def lamp(scene, at, name: str = "Lamp") -> bpy.types.Object:
 def desk_things(scene, at, yaw: float, name: str = "Screen") -> bpy.types.Object:
     """A screen and a keyboard on a desk top at z = at[2]."""
     piece = Piece(name, at, yaw).box((-0.10, -0.02, 0.0), (0.10, 0.10, 0.012), "metal")
-    piece.box((-0.02, 0.05, 0.0), (0.02, 0.07, 0.2), "metal").box((-0.31, 0.03, 0.12), (0.31, 0.055, 0.48), "metal", 0.006)
+    piece.box((-0.02, 0.05, 0.0), (0.02, 0.07, 0.2), "metal").box(
+        (-0.31, 0.03, 0.12), (0.31, 0.055, 0.48), "metal", 0.006
+    )
     return piece.box((-0.22, -0.28, 0.0), (0.22, -0.14, 0.018), "paper", 0.005).link(scene)
 
 

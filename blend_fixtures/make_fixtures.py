@@ -24,6 +24,7 @@ from mathutils import Vector
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[1])]
 
 import furniture as f  # noqa: E402
+
 from addon.bridge.cue_objects import PELVIS_OVER_SEAT, make_cue, yaw_from_heading  # noqa: E402
 
 #: How far a room's corners may lie from the table's, metres: its figures have two decimals.
@@ -170,7 +171,9 @@ def _assert_bounds(scene: bpy.types.Scene, row: dict[str, str]) -> None:
         expected = [float(v) for v in row[column].split()]
         found = [pick(corner[axis] for corner in corners) for axis in range(3)]
         if any(abs(a - b) > BOUNDS_TOLERANCE for a, b in zip(expected, found, strict=True)):
-            raise SystemExit(f"{row['room']}: {column} should be {expected}, the import gave {[round(v, 3) for v in found]}.")
+            raise SystemExit(
+                f"{row['room']}: {column} should be {expected}, the import gave {[round(v, 3) for v in found]}."
+            )
 
 
 # --- command line ----------------------------------------------------------------------------------------------------

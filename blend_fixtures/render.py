@@ -163,9 +163,15 @@ def _blockers(scene, walk: Walk, camera_place: Vector) -> set[bpy.types.Object]:
     """Tall things that hide the figure from the camera at some moment."""
     depsgraph, blockers = bpy.context.evaluated_depsgraph_get(), set()
     for index in range(0, len(walk.frames), 4):
-        for point in (Vector(walk.heads[index]), Vector(walk.roots[index]), Vector((*walk.roots[index][:2], walk.floor + 0.3))):
+        for point in (
+            Vector(walk.heads[index]),
+            Vector(walk.roots[index]),
+            Vector((*walk.roots[index][:2], walk.floor + 0.3)),
+        ):
             way = camera_place - point
-            hit, _, _, _, thing, _ = scene.ray_cast(depsgraph, point + way.normalized() * 0.25, way.normalized(), distance=way.length)
+            hit, _, _, _, thing, _ = scene.ray_cast(
+                depsgraph, point + way.normalized() * 0.25, way.normalized(), distance=way.length
+            )
             if hit and _height(thing) - walk.floor > 1.2 and not thing.get("lowered"):
                 blockers.add(thing)
     return blockers
@@ -194,15 +200,14 @@ def _cut(thing: bpy.types.Object, point: Vector, normal: Vector, only=None) -> N
     """Removes what lies beyond a plane; with `only`, faces whose middle does not satisfy it stay."""
     mesh = bmesh.new()
     mesh.from_mesh(thing.data)
-    if only:
-        faces = [face for face in mesh.faces if only(face.calc_center_median())]
-    else:
-        faces = list(mesh.faces)
+    faces = [face for face in mesh.faces if only is None or only(face.calc_center_median())]
     geometry = list({item for face in faces for item in (*face.verts, *face.edges)}) + faces
     if geometry:
         bmesh.ops.bisect_plane(mesh, geom=geometry, plane_co=point, plane_no=normal, clear_outer=only is None)
     if only:
-        beyond = [f for f in mesh.faces if only(f.calc_center_median()) and (f.calc_center_median() - point).dot(normal) > 0]
+        beyond = [
+            f for f in mesh.faces if only(f.calc_center_median()) and (f.calc_center_median() - point).dot(normal) > 0
+        ]
         bmesh.ops.delete(mesh, geom=beyond, context="FACES")
     mesh.to_mesh(thing.data)
     mesh.free()
@@ -434,7 +439,9 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--sheet", type=Path)
     parser.add_argument("--video", type=Path)
-    parser.add_argument("--views", nargs="+", default=["overview", "follow", "seat"], choices=["overview", "follow", "seat"])
+    parser.add_argument(
+        "--views", nargs="+", default=["overview", "follow", "seat"], choices=["overview", "follow", "seat"]
+    )
     parser.add_argument("--frames", type=int, default=10, help="columns of the sheet")
     options = parser.parse_args(arguments)
     if not (options.picture or options.sheet or options.video):

@@ -54,11 +54,7 @@ def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
     if not SLOTTED_ACTIONS:
         return list(action.fcurves)
     return [
-        curve
-        for layer in action.layers
-        for strip in layer.strips
-        for bag in strip.channelbags
-        for curve in bag.fcurves
+        curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves
     ]
 
 

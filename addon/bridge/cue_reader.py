@@ -77,7 +77,9 @@ def _foot(context, depsgraph, kind: str, cue: bpy.types.Object, metres_per_unit:
 def _placement(cue: bpy.types.Object, depsgraph, metres_per_unit: float) -> dict:
     forward = forward_of(cue.evaluated_get(depsgraph).matrix_world)
     if not forward.length > 0.5 or abs(forward.z) > STEEPEST:
-        raise SceneError(f"{cue.name} faces straight up or down, or has no size: turn it so that its -Y axis lies level.")
+        raise SceneError(
+            f"{cue.name} faces straight up or down, or has no size: turn it so that its -Y axis lies level."
+        )
     return {
         "position": _position(cue, depsgraph, metres_per_unit),
         "yaw": math.remainder(math.atan2(forward.y, forward.x) + math.pi / 2, math.tau),

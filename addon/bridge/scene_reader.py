@@ -83,8 +83,8 @@ def read_scene(
     if not triangles:
         broken = f" ({skipped[0][1]})" if skipped else ""
         raise SceneError(
-            "The scene has no visible mesh to walk on or sit on. Add a floor and furniture, or show what is hidden or excluded."
-            + broken
+            "The scene has no visible mesh to walk on or sit on. "
+            "Add a floor and furniture, or show what is hidden or excluded." + broken
         )
     scene_meshes = SceneMeshes(np.concatenate(positions), np.concatenate(triangles), object_count, skipped)
     if not scale_confirmed:

@@ -89,7 +89,9 @@ def _selected_faces(chair: bpy.types.Object) -> tuple[Vector, Vector]:
     return middle / area, max(edges, key=lambda edge: Vector((edge.x, edge.y)).length)
 
 
-def _flattest_part(context: bpy.types.Context, chair: bpy.types.Object, metres_per_unit: float) -> tuple[Vector, Vector]:
+def _flattest_part(
+    context: bpy.types.Context, chair: bpy.types.Object, metres_per_unit: float
+) -> tuple[Vector, Vector]:
     """Middle of the largest level patch at seat height, felt from above, and the object's own X direction."""
     corners = np.array([chair.matrix_world @ Vector(corner) for corner in chair.bound_box])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -107,13 +109,20 @@ def _flattest_part(context: bpy.types.Context, chair: bpy.types.Object, metres_p
                     break
     if not hits:
         raise SceneError(
-            f"{chair.name} has no level surface {SEAT_HEIGHTS[0]:.2f}–{SEAT_HEIGHTS[1]:.2f} m high: select the seat's face in edit mode."
+            f"{chair.name} has no level surface between {SEAT_HEIGHTS[0]:.2f} and {SEAT_HEIGHTS[1]:.2f} m over its foot: "
+            "select the seat's face in edit mode."
         )
     hits = np.array(hits)
     # The seat is the height at which most of the felt points lie together.
     votes = [(np.abs(hits[:, 2] - z) < 0.03 * unit).sum() for z in hits[:, 2]]
     patch = hits[np.abs(hits[:, 2] - hits[int(np.argmax(votes)), 2]) < 0.03 * unit]
-    middle = Vector(((patch[:, 0].min() + patch[:, 0].max()) / 2, (patch[:, 1].min() + patch[:, 1].max()) / 2, np.median(patch[:, 2])))
+    middle = Vector(
+        (
+            (patch[:, 0].min() + patch[:, 0].max()) / 2,
+            (patch[:, 1].min() + patch[:, 1].max()) / 2,
+            np.median(patch[:, 2]),
+        )
+    )
     return middle, chair.matrix_world.to_3x3() @ Vector((1.0, 0.0, 0.0))
 
 
