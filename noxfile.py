@@ -267,7 +267,7 @@ def synthesize(session: nox.Session) -> None:
 
 @nox.session
 def fixtures(session: nox.Session) -> None:
-    """Blend files with cues in place: the repository's own rooms, or `-- --room ROOM.glb --tasks rooms.tsv --out DIR`."""
+    """Blend files with cues in place: the own rooms, or `-- --room ROOM.glb --tasks rooms.tsv --out DIR`."""
     python = blender_environment(session, blenders(session)[-1])
     arguments = session.posargs or ["--out", str(LOCAL / "rooms")]
     session.run(str(python), "blend_fixtures/make_fixtures.py", *arguments)

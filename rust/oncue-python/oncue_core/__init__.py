@@ -4,9 +4,20 @@ Everything long runs as a :class:`Job`. One space everywhere, Blender's: right-h
 quaternions w first; a character at rest faces -Y, and `yaw` (radians) turns it about +Z.
 """
 
-from ._native import Job, SceneIndex, __version__, check_task, index_scene, skeleton
+from ._native import Job, Library, SceneIndex, __version__, build_library, check_task, index_scene, skeleton
 from .errors import Cancelled, DataFileError, InputError, OncueError
-from .types import ActionCue, BoxNode, InitialState, Point, ProgressSnapshot, Settings, Skeleton, Task
+from .types import (
+    ActionCue,
+    BoxNode,
+    InitialState,
+    Point,
+    ProgressSnapshot,
+    Settings,
+    Skeleton,
+    Summary,
+    SummaryRow,
+    Task,
+)
 
 __all__ = [
     "ActionCue",
@@ -16,14 +27,18 @@ __all__ = [
     "InitialState",
     "InputError",
     "Job",
+    "Library",
     "OncueError",
     "Point",
     "ProgressSnapshot",
     "SceneIndex",
     "Settings",
     "Skeleton",
+    "Summary",
+    "SummaryRow",
     "Task",
     "__version__",
+    "build_library",
     "check_task",
     "index_scene",
     "skeleton",

@@ -1,17 +1,21 @@
 """Types of the compiled module; import from `oncue_core`."""
 
+import os
+from collections.abc import Sequence
 from types import GenericAlias
 from typing import Any, Generic, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .types import Point, ProgressSnapshot, Settings, Skeleton, Task
+from .types import Point, ProgressSnapshot, Settings, Skeleton, Summary, Task
 
 __all__ = [
     "Job",
+    "Library",
     "SceneIndex",
     "__version__",
+    "build_library",
     "check_task",
     "index_scene",
     "skeleton",
@@ -35,6 +39,40 @@ class Job(Generic[_T]):
         """Waits at most `timeout_s` seconds; whether the work is done. Other Python threads run meanwhile."""
     def result(self) -> _T:
         """Waits for the work, and gives its result or raises what it raised; the same each time."""
+
+@final
+class Library:
+    """Clips to match against, on the unified skeleton at 30 Hz. Immutable."""
+
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> Library:
+        """Reads a library file. OSError, and DataFileError for one that is foreign, too new, cut off or damaged."""
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the library file; an earlier one stays as it was until the new one is whole. OSError."""
+    def merged(self, other: Library) -> Library:
+        """A library with this one's clips and then the other's."""
+    @property
+    def checksum(self) -> str:
+        """BLAKE3 of the clips, hexadecimal: the same for the same clips, wherever they are kept."""
+    @property
+    def frame_count(self) -> int:
+        """Frames over all clips."""
+    @property
+    def clip_count(self) -> int:
+        """Clips, mirrored copies included."""
+    def summary(self) -> Summary:
+        """Seconds of each action, by where they come from."""
+
+def build_library(
+    paths: Sequence[str | os.PathLike[str]], settings: Settings | None = None
+) -> Job[tuple[Library, list[tuple[str, str]]]]:
+    """Builds a library from .bvh files and folders; gives it with the files that were skipped and why.
+
+    With no paths it is the starter's. Settings: `mirror` (bool), `starter` ("all", "missing": the actions that no
+    capture has, or "none"), `mapping` (a JSON file naming the joints, or None).
+    From the job: OSError for a path that is not there, InputError for a folder without .bvh files or where no file
+    could be used.
+    """
 
 @final
 class SceneIndex:

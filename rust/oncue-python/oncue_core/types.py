@@ -68,3 +68,21 @@ class Skeleton(TypedDict):
     toe_height: float
     toe_length: float
     heel_length: float
+
+
+class SummaryRow(TypedDict):
+    """Seconds of one action ("walk", "idle", "sit", "seated_idle", "stand_up", "stop", "other")."""
+
+    label: str
+    mocap_seconds: float
+    mirrored_seconds: float
+    procedural_seconds: float
+    segments: int
+
+
+class Summary(TypedDict):
+    """What a library holds."""
+
+    clips: int
+    frames: int
+    rows: list[SummaryRow]

@@ -1,7 +1,8 @@
-//! Settings and tasks cross as JSON: `dict` to serde.
+//! Settings, tasks and reports cross as JSON: `dict` to serde and back.
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::error::InputError;
@@ -32,6 +33,12 @@ pub fn from_optional_dict<T: DeserializeOwned + Default>(
     dict: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<T> {
     dict.map_or_else(|| Ok(T::default()), |dict| from_dict(what, dict))
+}
+
+/// `value` as Python's plain dicts, lists, numbers and strings.
+pub fn to_python<'py, T: Serialize>(py: Python<'py>, value: &T) -> PyResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(value).map_err(|error| InputError::new_err(error.to_string()))?;
+    py.import("json")?.call_method1("loads", (text,))
 }
 
 fn refused(what: &str, path: &str, reason: &str) -> PyErr {

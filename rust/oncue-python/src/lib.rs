@@ -7,6 +7,7 @@ mod arrays;
 mod error;
 mod job;
 mod json;
+mod library;
 mod scene;
 mod skeleton;
 
@@ -16,8 +17,10 @@ use pyo3::prelude::*;
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<job::Job>()?;
+    module.add_class::<library::Library>()?;
     module.add_class::<scene::SceneIndex>()?;
     module.add_function(wrap_pyfunction!(skeleton::skeleton, module)?)?;
+    module.add_function(wrap_pyfunction!(library::build_library, module)?)?;
     module.add_function(wrap_pyfunction!(scene::index_scene, module)?)?;
     module.add_function(wrap_pyfunction!(scene::check_task, module)?)?;
     Ok(())

@@ -1,0 +1,89 @@
+//! Motion libraries as Python handles them: built, read, joined, written.
+
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
+
+use oncue::MotionLibrary;
+use oncue::library::{LibrarySettings, build};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::job::{self, Job};
+use crate::json;
+
+/// Clips to match against, on the unified skeleton at 30 Hz. Immutable.
+#[pyclass(frozen, module = "oncue_core")]
+pub struct Library {
+    pub inner: Arc<MotionLibrary>,
+    checksum: OnceLock<String>,
+}
+
+impl Library {
+    fn new(library: MotionLibrary) -> Self {
+        Self { inner: Arc::new(library), checksum: OnceLock::new() }
+    }
+}
+
+#[pymethods]
+impl Library {
+    /// Reads a library file.
+    #[staticmethod]
+    fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        job::run(py, || MotionLibrary::read(&path)).map(Self::new)
+    }
+
+    /// Writes the library file; an earlier one stays as it was until the new one is whole.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        job::run(py, || self.inner.write(&path))
+    }
+
+    /// A library with this one's clips and then the other's.
+    fn merged(&self, py: Python<'_>, other: &Library) -> PyResult<Self> {
+        job::run(py, || {
+            let mut library = MotionLibrary::clone(&self.inner);
+            library.merge(MotionLibrary::clone(&other.inner));
+            Ok(library)
+        })
+        .map(Self::new)
+    }
+
+    /// BLAKE3 of the clips, hexadecimal: the same for the same clips, wherever they are kept.
+    #[getter]
+    fn checksum(&self, py: Python<'_>) -> PyResult<&str> {
+        job::run(py, || Ok(self.checksum.get_or_init(|| self.inner.checksum()).as_str()))
+    }
+
+    /// Frames over all clips.
+    #[getter]
+    fn frame_count(&self) -> usize {
+        self.inner.frame_count()
+    }
+
+    /// Clips, mirrored copies included.
+    #[getter]
+    fn clip_count(&self) -> usize {
+        self.inner.clips.len()
+    }
+
+    /// Seconds of each action, by where they come from.
+    fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let summary = job::run(py, || Ok(self.inner.summary()))?;
+        json::to_python(py, &summary)
+    }
+}
+
+/// Builds a library from .bvh files and folders; gives it with the files that were skipped and why.
+#[pyfunction]
+#[pyo3(signature = (paths, settings=None))]
+pub fn build_library(paths: Vec<PathBuf>, settings: Option<&Bound<'_, PyDict>>) -> PyResult<Job> {
+    let settings: LibrarySettings = json::from_optional_dict("library settings", settings)?;
+    Job::start(
+        move |progress| build(&paths, &settings, progress),
+        |py, built| {
+            let skipped: Vec<(String, String)> =
+                built.skipped.into_iter().map(|s| (s.file.display().to_string(), s.reason)).collect();
+            let library = Py::new(py, Library::new(built.library))?;
+            Ok((library, skipped).into_pyobject(py)?.into_any().unbind())
+        },
+    )
+}

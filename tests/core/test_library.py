@@ -1,0 +1,153 @@
+"""Motion libraries: built from files, kept in a file, joined; and every way a file can be wrong."""
+
+import time
+
+import oncue_core
+import pytest
+from oncue_core import Cancelled, DataFileError, InputError, Library
+
+from .bvh import stepping
+
+MOCAP_ONLY = {"starter": "none"}
+
+
+@pytest.fixture(scope="module")
+def mocap_folder(tmp_path_factory):
+    """Two captures and two files that are none."""
+    folder = tmp_path_factory.mktemp("mocap")
+    (folder / "brisk.bvh").write_text(stepping(speed=1.2))
+    (folder / "deeper").mkdir()
+    (folder / "deeper" / "slow.bvh").write_text(stepping(speed=0.6))
+    (folder / "empty.bvh").write_bytes(b"")
+    (folder / "noise.bvh").write_bytes(bytes(range(256)) * 40)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def library(mocap_folder) -> Library:
+    return oncue_core.build_library([mocap_folder], MOCAP_ONLY).result()[0]
+
+
+def test_a_folder_becomes_a_library(mocap_folder):
+    library, skipped = oncue_core.build_library([str(mocap_folder)], MOCAP_ONLY).result()
+    assert library.clip_count == 4, "two captures and their mirrored copies"
+    assert 4 * 80 <= library.frame_count <= 4 * 91
+    assert sorted(file.rsplit("/")[-1] for file, _ in skipped) == ["empty.bvh", "noise.bvh"]
+    assert all(len(reason) > 10 for _, reason in skipped)
+
+
+def test_the_summary_counts_every_frame_once(library):
+    summary = library.summary()
+    assert (summary["clips"], summary["frames"]) == (library.clip_count, library.frame_count)
+    rows = {row["label"]: row for row in summary["rows"]}
+    assert set(rows) == {"walk", "idle", "sit", "seated_idle", "stand_up", "stop", "other"}
+    seconds = sum(row["mocap_seconds"] + row["mirrored_seconds"] for row in rows.values())
+    assert 1 < seconds <= library.frame_count / 30 + 1e-3
+    for row in rows.values():
+        assert row["mocap_seconds"] == pytest.approx(row["mirrored_seconds"])
+        assert row["procedural_seconds"] == 0
+
+
+def test_mirrored_copies_can_be_left_out(mocap_folder):
+    library, _ = oncue_core.build_library([mocap_folder], {**MOCAP_ONLY, "mirror": False}).result()
+    assert library.clip_count == 2
+
+
+def test_the_same_files_give_the_same_library(mocap_folder, library):
+    again, _ = oncue_core.build_library([mocap_folder], MOCAP_ONLY).result()
+    assert again.checksum == library.checksum
+    assert len(again.checksum) == 64
+
+
+def test_a_written_library_reads_the_same(library, tmp_path):
+    path = tmp_path / "walks.oncue"
+    library.write(path)
+    read = Library.read(str(path))
+    assert read.checksum == library.checksum
+    assert read.summary() == library.summary()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["walks.oncue"], "nothing else is left behind"
+
+
+def test_joined_libraries_hold_both(mocap_folder, library):
+    one, _ = oncue_core.build_library([mocap_folder / "brisk.bvh"], MOCAP_ONLY).result()
+    both = one.merged(library)
+    assert both.clip_count == one.clip_count + library.clip_count
+    assert both.frame_count == one.frame_count + library.frame_count
+    assert both.checksum not in (one.checksum, library.checksum)
+
+
+def damaged(data: bytes) -> bytes:
+    middle = len(data) // 2
+    return data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (damaged, "damaged"),
+        (lambda data: data[:-1], "damaged"),
+        (lambda data: data[:20], "damaged|not an Oncue"),
+        (lambda data: b"", "not an Oncue"),
+        (lambda data: b"PK\x03\x04" + data, "not an Oncue"),
+    ],
+)
+def test_a_wrong_library_file_is_refused_by_name(library, tmp_path, change, reason):
+    path = tmp_path / "walks.oncue"
+    library.write(path)
+    path.write_bytes(change(path.read_bytes()))
+    with pytest.raises(DataFileError, match=reason) as caught:
+        Library.read(path)
+    assert "walks.oncue" in str(caught.value)
+
+
+def test_a_missing_library_is_pythons_own_error(tmp_path):
+    with pytest.raises(FileNotFoundError) as caught:
+        Library.read(tmp_path / "gone.oncue")
+    assert caught.value.filename == str(tmp_path / "gone.oncue")
+    assert caught.value.errno == 2
+    assert "os error" not in str(caught.value)
+
+
+def test_a_place_that_cannot_be_written_is_pythons_own_error(library, tmp_path):
+    with pytest.raises(FileNotFoundError):
+        library.write(tmp_path / "no such folder" / "walks.oncue")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(IsADirectoryError):
+        library.write(tmp_path / "folder")
+    assert [entry.name for entry in tmp_path.iterdir()] == ["folder"]
+
+
+def test_a_vanished_folder_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match="vanished"):
+        oncue_core.build_library([tmp_path / "vanished"]).result()
+
+
+def test_a_folder_without_captures_is_named(tmp_path):
+    with pytest.raises(InputError, match=tmp_path.name):
+        oncue_core.build_library([tmp_path]).result()
+
+
+def test_nothing_but_unreadable_files_is_an_error(mocap_folder):
+    with pytest.raises(InputError, match=r"empty\.bvh"):
+        oncue_core.build_library([mocap_folder / "empty.bvh"], MOCAP_ONLY).result()
+
+
+@pytest.mark.parametrize(
+    ("settings", "named"),
+    [({"mirrored": True}, "mirrored"), ({"starter": "some"}, "starter.*some"), ({"mirror": 1}, "mirror")],
+)
+def test_a_wrong_setting_is_named_at_once(settings, named):
+    with pytest.raises(InputError, match=named):
+        oncue_core.build_library([], settings)
+
+
+def test_building_from_real_captures_can_be_cancelled(shared_data):
+    job = oncue_core.build_library([shared_data / "mocap"], MOCAP_ONLY)
+    while job.progress()["stage"] != "Reading motion capture" and not job.done():
+        time.sleep(0.001)
+    job.cancel()
+    asked = time.monotonic()
+    with pytest.raises(Cancelled):
+        job.result()
+    # The target is 0.2 s; a machine under load gets ten times as much.
+    assert time.monotonic() - asked < 2
