@@ -4,7 +4,20 @@ Everything long runs as a :class:`Job`. One space everywhere, Blender's: right-h
 quaternions w first; a character at rest faces -Y, and `yaw` (radians) turns it about +Z.
 """
 
-from ._native import Job, Library, SceneIndex, __version__, build_library, check_task, index_scene, skeleton
+from ._native import (
+    Job,
+    Library,
+    SceneIndex,
+    Synthesis,
+    __version__,
+    build_library,
+    check_task,
+    default_settings,
+    index_scene,
+    presets,
+    skeleton,
+    synthesize,
+)
 from .errors import Cancelled, DataFileError, InputError, OncueError
 from .types import (
     ActionCue,
@@ -12,6 +25,7 @@ from .types import (
     InitialState,
     Point,
     ProgressSnapshot,
+    Report,
     Settings,
     Skeleton,
     Summary,
@@ -31,15 +45,20 @@ __all__ = [
     "OncueError",
     "Point",
     "ProgressSnapshot",
+    "Report",
     "SceneIndex",
     "Settings",
     "Skeleton",
     "Summary",
     "SummaryRow",
+    "Synthesis",
     "Task",
     "__version__",
     "build_library",
     "check_task",
+    "default_settings",
     "index_scene",
+    "presets",
     "skeleton",
+    "synthesize",
 ]

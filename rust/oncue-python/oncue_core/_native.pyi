@@ -8,17 +8,21 @@ from typing import Any, Generic, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from .types import Point, ProgressSnapshot, Settings, Skeleton, Summary, Task
+from .types import Point, ProgressSnapshot, Report, Settings, Skeleton, Summary, Task
 
 __all__ = [
     "Job",
     "Library",
     "SceneIndex",
+    "Synthesis",
     "__version__",
     "build_library",
     "check_task",
+    "default_settings",
     "index_scene",
+    "presets",
     "skeleton",
+    "synthesize",
 ]
 
 __version__: str
@@ -44,6 +48,12 @@ class Job(Generic[_T]):
 class Library:
     """Clips to match against, on the unified skeleton at 30 Hz. Immutable."""
 
+    @staticmethod
+    def starter() -> Library:
+        """The starter library: procedural motion, made by rule; the same each time. Takes seconds.
+
+        `build_library([])` gives the same as a job.
+        """
     @staticmethod
     def read(path: str | os.PathLike[str]) -> Library:
         """Reads a library file. OSError, and DataFileError for one that is foreign, too new, cut off or damaged."""
@@ -102,5 +112,40 @@ def check_task(scene: SceneIndex, task: Task) -> None:
 
     InputError with the reason otherwise. The synthesis asks the same first.
     """
+
+@final
+class Synthesis:
+    """A motion and its report."""
+
+    @property
+    def root_positions(self) -> NDArray[np.float32]:
+        """p_root: (frames, 3), world, metres."""
+    @property
+    def rotations(self) -> NDArray[np.float32]:
+        """(frames, 22, 4), w first; [:, 0] in the world, the others relative to their parent."""
+    @property
+    def contacts(self) -> NDArray[np.float32]:
+        """(frames, 2), left and right foot: 0 in the air, 0.5 near the floor, 1 planted."""
+    @property
+    def frame_rate(self) -> float:
+        """Frames a second."""
+    @property
+    def report(self) -> Report:
+        """What the run tells about itself; docs/report.md describes it."""
+
+def synthesize(
+    scene: SceneIndex, library: Library, task: Task, settings: Settings | None = None, seed: int = 0
+) -> Job[Synthesis]:
+    """Synthesizes the motion of a task; the same seed gives the same motion on any number of cores.
+
+    InputError for unknown settings and malformed tasks at once; from the job for a task that cannot be met, before
+    anything is optimized.
+    """
+
+def default_settings(preset: str = "default") -> Settings:
+    """The settings of a preset, as `synthesize` takes them. InputError for an unknown name."""
+
+def presets() -> list[str]:
+    """Names of the presets."""
 
 def skeleton() -> Skeleton: ...

@@ -11,6 +11,9 @@ Point: TypeAlias = tuple[float, float, float]
 #: Settings by name; what is left out keeps its default.
 Settings: TypeAlias = dict[str, Any]
 
+#: The report of a run; docs/report.md describes it.
+Report: TypeAlias = dict[str, Any]
+
 
 class InitialState(TypedDict):
     """g_init: where the person stands at first. `yaw` in radians turns the rest pose, which faces -Y, about +Z."""

@@ -10,6 +10,7 @@ mod json;
 mod library;
 mod scene;
 mod skeleton;
+mod synthesis;
 
 use pyo3::prelude::*;
 
@@ -19,9 +20,13 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<job::Job>()?;
     module.add_class::<library::Library>()?;
     module.add_class::<scene::SceneIndex>()?;
+    module.add_class::<synthesis::Synthesis>()?;
     module.add_function(wrap_pyfunction!(skeleton::skeleton, module)?)?;
     module.add_function(wrap_pyfunction!(library::build_library, module)?)?;
     module.add_function(wrap_pyfunction!(scene::index_scene, module)?)?;
     module.add_function(wrap_pyfunction!(scene::check_task, module)?)?;
+    module.add_function(wrap_pyfunction!(synthesis::synthesize, module)?)?;
+    module.add_function(wrap_pyfunction!(synthesis::default_settings, module)?)?;
+    module.add_function(wrap_pyfunction!(synthesis::presets, module)?)?;
     Ok(())
 }

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
-use oncue::MotionLibrary;
-use oncue::library::{LibrarySettings, build};
+use oncue::library::{LibrarySettings, build, starter};
+use oncue::{MotionLibrary, Progress};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -26,6 +26,12 @@ impl Library {
 
 #[pymethods]
 impl Library {
+    /// The starter library: procedural motion, made by rule; the same each time.
+    #[staticmethod]
+    fn starter(py: Python<'_>) -> PyResult<Self> {
+        job::run(py, || starter::generate(&Progress::new())).map(Self::new)
+    }
+
     /// Reads a library file.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {

@@ -12,7 +12,7 @@ use super::clip::{ActionLabel, Clip, MotionLibrary, Segment, Source};
 use super::joint_names::{self, JointMapping, JointTable};
 use super::mocap_file::{self, MocapFile};
 use super::sidecar::{self, Sidecar};
-use super::{contact, foot, label, retarget};
+use super::{contact, foot, label, retarget, starter};
 use crate::error::{Error, Result};
 use crate::motion::{FRAME_RATE, Motion};
 use crate::progress::Progress;
@@ -324,24 +324,19 @@ fn add_starter(library: &mut MotionLibrary, starter: StarterUse, progress: &Prog
         StarterUse::None => false,
     };
     if library.clips.is_empty() && starter != StarterUse::None {
-        *library = starter_library(progress)?;
+        *library = starter::generate(progress)?;
         return Ok(());
     }
     if !ActionLabel::ALL.into_iter().any(wanted) {
         return Ok(());
     }
-    for mut clip in starter_library(progress)?.clips {
+    for mut clip in starter::generate(progress)?.clips {
         clip.segments.retain(|s| wanted(s.label));
         if !clip.segments.is_empty() {
             library.clips.push(clip);
         }
     }
     Ok(())
-}
-
-/// The procedural starter library.
-fn starter_library(_progress: &Progress) -> Result<MotionLibrary> {
-    Ok(MotionLibrary::default())
 }
 
 /// Seconds of `frames` at 30 Hz.

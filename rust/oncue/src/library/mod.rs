@@ -7,7 +7,6 @@
 pub mod build;
 pub mod calibration;
 pub mod clip;
-mod mocap_text;
 pub mod contact;
 pub mod database;
 pub mod feature;
@@ -16,6 +15,7 @@ pub mod foot;
 pub mod joint_names;
 pub mod label;
 pub mod mocap_file;
+mod mocap_text;
 pub mod quality;
 pub mod retarget;
 pub mod search;

@@ -1,0 +1,79 @@
+//! The main job as Python starts it, and the motion it gives.
+
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use oncue::motion::{FRAME_RATE, JOINT_COUNT};
+use oncue::{Settings, Task};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::error::to_python;
+use crate::job::Job;
+use crate::json;
+use crate::library::Library;
+use crate::scene::SceneIndex;
+
+/// A motion and its report.
+#[pyclass(frozen, get_all, module = "oncue_core")]
+pub struct Synthesis {
+    /// p_root: float32 (frames, 3), world, metres.
+    root_positions: Py<PyArray2<f32>>,
+    /// float32 (frames, 22, 4), w first; [:, 0] in the world, the others relative to their parent.
+    rotations: Py<PyArray3<f32>>,
+    /// float32 (frames, 2), left and right foot: 0 in the air, 0.5 near the floor, 1 planted.
+    contacts: Py<PyArray2<f32>>,
+    /// Frames a second.
+    frame_rate: f32,
+    /// What the run tells about itself; docs/report.md describes it.
+    report: Py<PyAny>,
+}
+
+impl Synthesis {
+    fn new(py: Python<'_>, synthesis: &oncue::Synthesis) -> PyResult<Self> {
+        let motion = &synthesis.motion;
+        let frames = motion.len();
+        let positions = motion.postures.iter().flat_map(|p| p.root_position.to_array());
+        let quaternions = motion.postures.iter().flat_map(|p| &p.rotations);
+        let rotations = quaternions.flat_map(|q| [q.w, q.x, q.y, q.z]);
+        let contacts = motion.contacts.iter().flatten().copied();
+        Ok(Self {
+            root_positions: PyArray1::from_iter(py, positions).reshape([frames, 3])?.unbind(),
+            rotations: PyArray1::from_iter(py, rotations).reshape([frames, JOINT_COUNT, 4])?.unbind(),
+            contacts: PyArray1::from_iter(py, contacts).reshape([frames, 2])?.unbind(),
+            frame_rate: FRAME_RATE,
+            report: json::to_python(py, &synthesis.report)?.unbind(),
+        })
+    }
+}
+
+/// Synthesizes the motion of a task; the same seed gives the same motion on any number of cores.
+#[pyfunction]
+#[pyo3(signature = (scene, library, task, settings=None, seed=0))]
+pub fn synthesize(
+    scene: &SceneIndex,
+    library: &Library,
+    task: &Bound<'_, PyDict>,
+    settings: Option<&Bound<'_, PyDict>>,
+    seed: u64,
+) -> PyResult<Job> {
+    let task: Task = json::from_dict("task", task)?;
+    let settings: Settings = json::from_optional_dict("settings", settings)?;
+    let (scene, library) = (scene.inner.clone(), library.inner.clone());
+    Job::start(
+        move |progress| oncue::synthesize(&scene, &library, &task, &settings, seed, progress),
+        |py, synthesis| Ok(Py::new(py, Synthesis::new(py, &synthesis)?)?.into_any()),
+    )
+}
+
+/// The settings of a preset, as `synthesize` takes them.
+#[pyfunction]
+#[pyo3(signature = (preset="default"))]
+pub fn default_settings<'py>(py: Python<'py>, preset: &str) -> PyResult<Bound<'py, PyAny>> {
+    let settings = Settings::preset(preset).map_err(|error| to_python(error.into()))?;
+    json::to_python(py, &settings)
+}
+
+/// Names of the presets.
+#[pyfunction]
+pub fn presets() -> Vec<&'static str> {
+    Settings::PRESETS.to_vec()
+}
