@@ -7,7 +7,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 
-use super::lanes::Lanes;
+use super::lanes::{Lanes, splat};
 use crate::motion::BoxNode;
 
 /// Eight triangles side by side: corner 0 x, y, z, then corners 1 and 2. Unused lanes hold NaN.
@@ -126,46 +126,57 @@ pub fn crossings(placed: &OrientedBox, triangle: &[Vec3; 3], above: f32) -> u32 
 /// Bit i: triangle i of the block may cross an edge of the box. Never misses one that [`crossings`] counts.
 #[inline(always)]
 pub fn candidates<L: Lanes>(placed: &OrientedBox, block: &TriangleBlock) -> u32 {
-    let axes = [placed.axes.x_axis, placed.axes.y_axis, placed.axes.z_axis];
-    let half = placed.half_extents;
-    let center = [L::splat(placed.center.x), L::splat(placed.center.y), L::splat(placed.center.z)];
+    let half = placed.half_extents.to_array();
+    let center = splat::<L>(placed.center);
+    let axes: [[L; 3]; 3] = [splat(placed.axes.x_axis), splat(placed.axes.y_axis), splat(placed.axes.z_axis)];
     // v[corner][axis], in the box's frame, by the same operations as `to_local`.
     let mut v = [[L::splat(0.0); 3]; 3];
-    for (corner, local) in v.iter_mut().enumerate() {
-        let d = [0, 1, 2].map(|i| L::load(&block.corners[3 * corner + i]).sub(center[i]));
-        for (out, a) in local.iter_mut().zip(axes) {
-            *out = d[0].mul(L::splat(a.x)).add(d[1].mul(L::splat(a.y))).add(d[2].mul(L::splat(a.z)));
+    for corner in 0..3 {
+        let x = L::load(&block.corners[3 * corner]).sub(center[0]);
+        let y = L::load(&block.corners[3 * corner + 1]).sub(center[1]);
+        let z = L::load(&block.corners[3 * corner + 2]).sub(center[2]);
+        for axis in 0..3 {
+            let a = &axes[axis];
+            v[corner][axis] = x.mul(a[0]).add(y.mul(a[1])).add(z.mul(a[2]));
         }
     }
-    let mut near = 0xff;
+    // An edge lies on two of the face planes: a triangle has to reach two of them, and the third pair's inside.
+    let (mut near, mut one, mut two) = (0xff, 0, 0);
     for axis in 0..3 {
-        // Wider than the box by far more than rounding moves a crossing.
         let (a, b, c) = (v[0][axis], v[1][axis], v[2][axis]);
-        let h = half[axis] * 1.0001 + 1e-5;
-        near &= a.min(b).min(c).le(L::splat(h)) & L::splat(-h).le(a.max(b).max(c));
+        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        // Wider than the box by far more than rounding moves a crossing.
+        let slack = half[axis] * 1e-4 + 1e-5;
+        let (outer, inner) = (half[axis] + slack, half[axis] - slack);
+        let inside = low.le(L::splat(outer)) & L::splat(-outer).le(high);
+        near &= inside;
+        let plane = inside & (L::splat(inner).le(high) | low.le(L::splat(-inner)));
+        two |= one & plane;
+        one |= plane;
     }
+    near &= two;
     if near == 0 {
         return 0;
     }
     let mut found = 0;
     let zero = L::splat(0.0);
     // d[sign][corner][axis]: triangle corners as seen from the box's faces.
-    let from = |sign: f32| {
-        let mut out = v;
-        for corner in &mut out {
-            for axis in 0..3 {
-                corner[axis] = corner[axis].sub(L::splat(sign * half[axis]));
-            }
+    let mut d = [v; 2];
+    for corner in 0..3 {
+        for axis in 0..3 {
+            let h = L::splat(half[axis]);
+            d[0][corner][axis] = v[corner][axis].sub(zero.sub(h));
+            d[1][corner][axis] = v[corner][axis].sub(h);
         }
-        out
-    };
-    let d = [from(-1.0), from(1.0)];
+    }
     for axis in 0..3 {
         let (s, t) = ((axis + 1) % 3, (axis + 2) % 3);
         for corner in 0..4 {
             let (ds, dt) = (&d[corner & 1], &d[corner >> 1]);
-            let area = |a: usize, b: usize| ds[a][s].mul(dt[b][t]).sub(dt[a][t].mul(ds[b][s]));
-            let (e0, e1, e2) = (area(1, 2), area(2, 0), area(0, 1));
+            // Twice the signed areas of the triangles (edge, corner, next corner).
+            let e0 = ds[1][s].mul(dt[2][t]).sub(dt[1][t].mul(ds[2][s]));
+            let e1 = ds[2][s].mul(dt[0][t]).sub(dt[2][t].mul(ds[0][s]));
+            let e2 = ds[0][s].mul(dt[1][t]).sub(dt[0][t].mul(ds[1][s]));
             found |= zero.le(e0.min(e1).min(e2)) | e0.max(e1).max(e2).le(zero);
         }
     }

@@ -23,7 +23,10 @@ const STEPS: f32 = 20.0;
 pub struct DistanceField {
     origin: Vec3,
     cell: f32,
+    per_metre: f32,
     size: IVec3,
+    /// The last cell on each axis.
+    last: Vec3,
     /// World z under which nothing was marked.
     pub bottom: f32,
     /// The marked space; outside it there is nothing.
@@ -49,23 +52,39 @@ impl DistanceField {
             cell *= 1.1;
         }
         let size = cells(cell).as_ivec3();
-        let field = Self { origin: lo, cell, size, bottom, bounds: (lo, hi), steps: Vec::new() };
+        let field = Self {
+            origin: lo,
+            cell,
+            per_metre: 1.0 / cell,
+            size,
+            last: (size - 1).as_vec3(),
+            bottom,
+            bounds: (lo, hi),
+            steps: Vec::new(),
+        };
         let marked = field.mark(triangles, progress)?;
         progress.check()?;
         Ok(Self { steps: field.spread(marked, progress)?, ..field })
     }
 
     /// No triangle higher than `bottom` is nearer to `point` than this, metres; 0 where one may be.
-    #[inline]
     pub fn lower_bound(&self, point: Vec3) -> f32 {
-        let inside = point.clamp(self.bounds.0, self.bounds.1);
-        let outside = (point - inside).length();
-        if outside > 0.0 {
-            // From outside the box around everything: the way to the box.
-            return outside;
-        }
-        let c = ((inside - self.origin) / self.cell).as_ivec3().min(self.size - 1).max(IVec3::ZERO);
-        f32::from(self.steps[self.index(c)]) * (self.cell / STEPS)
+        let outside = (point - point.clamp(self.bounds.0, self.bounds.1)).length();
+        outside.max(f32::from(self.steps_at(point)) * (self.cell / STEPS))
+    }
+
+    /// A distance in the units of [`DistanceField::steps_at`], rounded up: what it must be at least.
+    pub fn steps_of(&self, distance: f32) -> u8 {
+        // A cast of what is too much gives 255, which no cell holds.
+        (distance * (STEPS * self.per_metre)).ceil() as u8
+    }
+
+    /// The stored distance of the cell at a point, in `cell / STEPS`. From outside the grid that of the nearest
+    /// cell, which is a bound as well: everything lies inside, so it is nearer to the grid's border than to the point.
+    #[inline(always)]
+    pub fn steps_at(&self, point: Vec3) -> u8 {
+        let c = ((point - self.origin) * self.per_metre).clamp(Vec3::ZERO, self.last);
+        self.steps.get(self.index(c.as_ivec3())).copied().unwrap_or(0)
     }
 
     pub fn memory(&self) -> usize {
@@ -96,7 +115,7 @@ impl DistanceField {
     fn cell_range(&self, axis: usize, from: f32, to: f32) -> (i32, i32) {
         // A little wider than the triangle: rounding must not lose a cell.
         let pad = 1e-3;
-        let at = |x: f32, pad: f32| ((x - self.origin[axis]) / self.cell + pad).floor() as i32;
+        let at = |x: f32, pad: f32| ((x - self.origin[axis]) * self.per_metre + pad).floor() as i32;
         (at(from, -pad).clamp(0, self.size[axis] - 1), at(to, pad).clamp(0, self.size[axis] - 1))
     }
 

@@ -1,7 +1,11 @@
 //! Eight numbers at a time: the same arithmetic on AVX2 and on any processor.
 //!
 //! Both give the same bits: no fused multiply-add, the same order of operations.
+//!
+//! Code over [`Lanes`] is inlined into a function that has the processor feature switched on. Closures and
+//! iterators are functions of their own without it, so kernels use neither.
 
+use glam::Vec3;
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
 
@@ -126,6 +130,12 @@ impl Lanes for Avx {
     fn le(self, other: Self) -> u32 {
         unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
     }
+}
+
+/// A vector's parts, each in all lanes.
+#[inline(always)]
+pub fn splat<L: Lanes>(v: Vec3) -> [L; 3] {
+    [L::splat(v.x), L::splat(v.y), L::splat(v.z)]
 }
 
 /// Whether [`Avx`] may be used; asked once by the standard library, then a load.

@@ -27,14 +27,26 @@ pub use settings::SceneSettings;
 
 use std::cell::RefCell;
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{Quat, UVec3, Vec2, Vec3};
 
 use crate::error::Result;
+use crate::motion::skeleton::LIMB_BOX_COUNT;
 use crate::motion::{BODY_BOXES, BoxNode, Pose};
 use crate::progress::Progress;
 use box_edges::OrientedBox;
 use distance_field::DistanceField;
 use triangle_tree::{Scratch, TriangleTree};
+
+/// Legs and arms: the first of [`BODY_BOXES`].
+const LIMB_BOXES: [BoxNode; LIMB_BOX_COUNT] = {
+    let mut limbs = [BODY_BOXES[0]; LIMB_BOX_COUNT];
+    let mut i = 0;
+    while i < LIMB_BOX_COUNT {
+        limbs[i] = BODY_BOXES[i];
+        i += 1;
+    }
+    limbs
+};
 
 thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
@@ -125,8 +137,17 @@ impl SceneIndex {
     /// ρ(b, W) for every node of [`BODY_BOXES`], in its order. Crossings lower than `above` (world z) are not
     /// counted: the floor and what lies on it.
     pub fn body_intersections(&self, pose: &Pose, above: f32) -> [u32; BODY_BOXES.len()] {
+        self.intersections(&BODY_BOXES, pose, above)
+    }
+
+    /// As [`SceneIndex::body_intersections`] for legs and arms alone: the B of r_coli (LAMA, eq. 4).
+    pub fn limb_intersections(&self, pose: &Pose, above: f32) -> [u32; LIMB_BOX_COUNT] {
+        self.intersections(&LIMB_BOXES, pose, above)
+    }
+
+    fn intersections<const N: usize>(&self, nodes: &[BoxNode; N], pose: &Pose, above: f32) -> [u32; N] {
         SCRATCH.with_borrow_mut(|scratch| {
-            BODY_BOXES.each_ref().map(|node| {
+            nodes.each_ref().map(|node| {
                 let joint = node.joint.index();
                 let placed = OrientedBox::of_node(node, pose.positions[joint], pose.rotations[joint]);
                 self.count(&placed, above, scratch)
@@ -166,17 +187,29 @@ impl SceneIndex {
         if above < self.field.bottom && lowest <= self.field.bottom {
             return false;
         }
-        // Balls along the longest axis that hold the box: the thinner, the more of the field is usable.
-        let half = placed.half_extents;
-        let axis = half.max_position();
-        let thick = Vec3::new(half[(axis + 1) % 3], half[(axis + 2) % 3], 0.0).length();
-        let balls = if half[axis] > 2.0 * thick { 3 } else { 1 };
-        let part = half[axis] / balls as f32;
-        let radius = part.hypot(thick) + 1e-4;
-        let along = placed.axes.col(axis);
-        (0..balls).all(|i| {
-            let at = (2 * i + 1 - balls) as f32 * part;
-            self.field.lower_bound(placed.center + along * at) >= radius
-        })
+        let (field, half) = (&self.field, placed.half_extents);
+        if field.steps_at(placed.center) >= field.steps_of(half.length() + 1e-4) {
+            return true;
+        }
+        // Smaller balls that hold the box together: nearly cubes of its thinnest side, at most four a side.
+        let count = (half * half.min_element().recip() + 0.5).as_uvec3().clamp(UVec3::ONE, UVec3::splat(4));
+        let part = half / count.as_vec3();
+        let steps = field.steps_of(part.length() + 1e-4);
+        let axes = placed.axes;
+        let (dx, dy, dz) =
+            (axes.x_axis * (2.0 * part.x), axes.y_axis * (2.0 * part.y), axes.z_axis * (2.0 * part.z));
+        let middle = 0.5 * (count - 1).as_vec3();
+        let corner = placed.center - dx * middle.x - dy * middle.y - dz * middle.z;
+        for z in 0..count.z {
+            for y in 0..count.y {
+                let row = corner + dy * y as f32 + dz * z as f32;
+                for x in 0..count.x {
+                    if field.steps_at(row + dx * x as f32) < steps {
+                        return false;
+                    }
+                }
+            }
+        }
+        true
     }
 }

@@ -267,6 +267,7 @@ fn the_body_sums_its_nodes_and_leaves_out_the_floor() {
             let count: u32 = room().corners().iter().map(|t| crossings(&placed, t, 0.05).count_ones()).sum();
             assert_eq!(high[i], count);
         }
+        assert_eq!(scene.limb_intersections(&pose, 0.05)[..], high[..8]);
         if x == 1.0 && z > 0.95 {
             assert_eq!(high.iter().sum::<u32>(), 0);
         }

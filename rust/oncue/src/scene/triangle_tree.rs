@@ -13,7 +13,7 @@ use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 
 use super::box_edges::{OrientedBox, TriangleBlock, candidates, crossings};
-use super::lanes::{Lanes, Portable, has_avx2};
+use super::lanes::{Lanes, Portable, has_avx2, splat};
 use super::polygon::Polygon;
 use crate::error::Result;
 use crate::progress::Progress;
@@ -259,7 +259,7 @@ impl TriangleTree {
     }
 }
 
-/// The overlap test of a placed box with a node's boxes, prepared once a query: the six face axes of both boxes.
+/// The test of a placed box's edges against a node's boxes, prepared once a query.
 struct NodeTest<L> {
     center: [L; 3],
     world_half: [L; 3],
@@ -270,7 +270,6 @@ struct NodeTest<L> {
 impl<L: Lanes> NodeTest<L> {
     #[inline(always)]
     fn new(placed: &OrientedBox) -> Self {
-        let splat = |v: Vec3| [L::splat(v.x), L::splat(v.y), L::splat(v.z)];
         Self {
             center: splat(placed.center),
             world_half: splat(placed.world_half_extents),
@@ -279,11 +278,15 @@ impl<L: Lanes> NodeTest<L> {
         }
     }
 
-    /// Bit i: child i may touch the box.
+    /// Bit i: child i may touch an edge of the box.
     #[inline(always)]
     fn overlaps(&self, node: &Node) -> u32 {
-        let half = [0, 1, 2].map(|i| L::load(&node.half[i]));
-        let apart = [0, 1, 2].map(|i| L::load(&node.center[i]).sub(self.center[i]));
+        let half = [L::load(&node.half[0]), L::load(&node.half[1]), L::load(&node.half[2])];
+        let apart = [
+            L::load(&node.center[0]).sub(self.center[0]),
+            L::load(&node.center[1]).sub(self.center[1]),
+            L::load(&node.center[2]).sub(self.center[2]),
+        ];
         let mut bits = 0xff;
         for i in 0..3 {
             bits &= apart[i].abs().le(half[i].add(self.world_half[i]));
@@ -291,15 +294,21 @@ impl<L: Lanes> NodeTest<L> {
         if bits == 0 {
             return 0;
         }
-        for (axis, own) in self.axes.iter().zip(self.half) {
+        // In the box's frame. An edge lies on two of the face planes: what reaches fewer than two, as all that is well
+        // inside the box does, crosses none.
+        let (mut one, mut two) = (0, 0);
+        for i in 0..3 {
+            let (axis, own) = (&self.axes[i], self.half[i]);
             let along = apart[0].mul(axis[0]).add(apart[1].mul(axis[1])).add(apart[2].mul(axis[2])).abs();
-            let reach = half[0]
-                .mul(axis[0].abs())
-                .add(half[1].mul(axis[1].abs()))
-                .add(half[2].mul(axis[2].abs()))
-                .add(own);
-            bits &= along.le(reach);
+            let reach =
+                half[0].mul(axis[0].abs()).add(half[1].mul(axis[1].abs())).add(half[2].mul(axis[2].abs()));
+            let beyond = along.sub(own);
+            bits &= beyond.le(reach);
+            let plane = beyond.abs().le(reach);
+            two |= one & plane;
+            one |= plane;
         }
+        bits &= two;
         bits
     }
 }

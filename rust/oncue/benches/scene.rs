@@ -1,0 +1,270 @@
+//! Scene index: seconds to build, µs a frame of collisions (8 limbs, 12 edges each), beside the plain reference in
+//! the same run: every edge as a ray through obvhs's own tree.
+//!
+//! `cargo bench -p oncue --bench scene`. On the quest_living_room scan where the reference data is present (cut
+//! finer until it has the asked number of triangles), and on a room made here.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+use glam::{Mat3, Quat, Vec2, Vec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
+use obvhs::ray::Ray;
+use obvhs::triangle::Triangle;
+use oncue::motion::skeleton::LIMB_BOX_COUNT;
+use oncue::motion::{BODY_BOXES, Joint, Pose, Posture};
+use oncue::scene::{ClearPath, SceneIndex, SceneSettings};
+use oncue::{ActionCue, ActionType, Progress};
+
+struct Mesh {
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+}
+
+fn main() {
+    println!("{} threads", rayon::current_num_threads());
+    let mut rooms = vec![("made room", made_room())];
+    if let Some(folder) = common::shared("data/rooms") {
+        let scan = common::glb::read(&folder.join("quest_living_room.glb"));
+        rooms.push(("living room scan", Mesh { positions: scan.positions, triangles: scan.triangles }));
+    }
+    let large = std::env::args().any(|a| a == "--large");
+    for (name, mesh) in rooms {
+        let sizes: &[usize] = if large { &[5_000_000] } else { &[100_000, 1_000_000] };
+        for &size in sizes {
+            measure(name, finer(&mesh, size));
+        }
+    }
+}
+
+fn measure(name: &str, mesh: Mesh) {
+    println!("\n{name}, {} triangles", mesh.triangles.len());
+    let settings = SceneSettings::default();
+    let mut scene = None;
+    let build = best(3, || {
+        let progress = Progress::new();
+        scene = SceneIndex::build(&mesh.positions, &mesh.triangles, &settings, &progress).ok();
+    });
+    let Some(scene) = scene else { return println!("  could not be indexed") };
+    println!(
+        "  build {:.3} s, {:.0} MB kept, {}",
+        build.as_secs_f64(),
+        scene.memory() as f64 / 1e6,
+        memory()
+    );
+
+    let triangles: Vec<Triangle> = mesh
+        .triangles
+        .iter()
+        .map(|t| t.map(|i| Vec3A::from(mesh.positions[i as usize])))
+        .map(|[v0, v1, v2]| Triangle { v0, v1, v2 })
+        .collect();
+    let mut tree = Bvh2::default();
+    let reference_build = best(1, || {
+        tree = build_bvh2_from_tris(&triangles, BvhBuildParams::medium_build(), &mut Duration::default());
+    });
+    println!("  obvhs alone, medium preset: build {:.3} s", reference_build.as_secs_f64());
+
+    let above = scene.floor_height() + settings.carpet_height;
+    for (kind, frames) in frames(&scene) {
+        let mut count = 0;
+        let ours = best(7, || {
+            count = frames.iter().map(|f| scene.limb_intersections(f, above).iter().sum::<u32>()).sum();
+        });
+        let whole = best(7, || {
+            for frame in &frames {
+                black_box(scene.body_intersections(frame, above));
+            }
+        });
+        let mut reference_count = 0;
+        let reference = best(2, || {
+            reference_count = frames.iter().map(|f| edge_by_edge(&tree, &triangles, f, above)).sum();
+        });
+        let per_frame = |d: Duration| d.as_secs_f64() * 1e6 / frames.len() as f64;
+        println!(
+            "  {kind:8} {:6} frames: {:7.2} µs (whole body {:7.2}), obvhs edge by edge {:7.2}; {:.2} crossings a frame, reference {:.2}",
+            frames.len(),
+            per_frame(ours),
+            per_frame(whole),
+            per_frame(reference),
+            f64::from(count) / frames.len() as f64,
+            f64::from(reference_count) / frames.len() as f64,
+        );
+    }
+}
+
+fn best(times: usize, mut work: impl FnMut()) -> Duration {
+    (0..times)
+        .map(|_| {
+            let start = Instant::now();
+            work();
+            start.elapsed()
+        })
+        .min()
+        .unwrap_or_default()
+}
+
+/// Most memory this process ever held, from Linux.
+fn memory() -> String {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let peak = status.lines().find(|l| l.starts_with("VmHWM")).unwrap_or("peak memory unknown");
+    peak.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// A posture in mid-stride, arms hanging and swinging.
+fn stride(place: Vec2, floor: f32, yaw: f32, phase: f32) -> Pose {
+    let mut posture = Posture::default();
+    posture.root_position = place.extend(floor + 0.97);
+    posture.rotations[0] = Quat::from_rotation_z(yaw);
+    let swing = 0.45 * phase.sin();
+    let mut turn = |joint: Joint, q: Quat| posture.rotations[joint.index()] = q;
+    turn(Joint::LeftUpLeg, Quat::from_rotation_x(swing));
+    turn(Joint::RightUpLeg, Quat::from_rotation_x(-swing));
+    turn(Joint::LeftLeg, Quat::from_rotation_x(0.3 + 0.3 * phase.cos()));
+    turn(Joint::RightLeg, Quat::from_rotation_x(0.3 - 0.3 * phase.cos()));
+    turn(Joint::LeftArm, Quat::from_rotation_x(-swing) * Quat::from_rotation_y(1.4));
+    turn(Joint::RightArm, Quat::from_rotation_x(swing) * Quat::from_rotation_y(-1.4));
+    posture.pose()
+}
+
+/// Frames with every limb at furniture (near), in the freest places (far), and along a walk between far places.
+fn frames(scene: &SceneIndex) -> Vec<(&'static str, Vec<Pose>)> {
+    let grid = scene.occupancy();
+    let floor = scene.floor_height();
+    let clearance = grid.clearance_cells();
+    let cells =
+        |wanted: &dyn Fn(usize) -> bool| (0..clearance.len()).filter(|&i| wanted(i)).collect::<Vec<_>>();
+    let pick = |from: &[usize]| -> Vec<Pose> {
+        (0..2000)
+            .filter_map(|k| from.get((k * 7919) % from.len().max(1)).map(|&i| (k, grid.raster.center(i))))
+            .map(|(k, place)| stride(place, floor, k as f32, 0.7 * k as f32))
+            .collect()
+    };
+    let near = pick(&cells(&|i| grid.walkable_cells()[i] && clearance[i] < 0.12));
+    let most = clearance.iter().fold(0.0f32, |a, &b| a.max(b));
+    let far = pick(&cells(&|i| clearance[i] > 0.75 * most));
+    // From every hundredth walkable cell to the freest place.
+    let goal = (0..clearance.len()).max_by(|&a, &b| clearance[a].total_cmp(&clearance[b])).unwrap_or(0);
+    let cue = ActionCue {
+        name: String::new(),
+        action_type: ActionType::Stop,
+        position: grid.raster.center(goal).extend(floor),
+        yaw: 0.0,
+        feet: [None; 2],
+    };
+    let ways = ClearPath::to_cue(scene, &cue);
+    let mut walking = Vec::new();
+    for start in cells(&|i| clearance[i] > 0.25).into_iter().step_by(100) {
+        let path = ways.path(grid.raster.center(start));
+        for (k, pair) in path.windows(2).enumerate() {
+            let yaw = (pair[1] - pair[0]).to_angle() + std::f32::consts::FRAC_PI_2;
+            walking.push(stride(pair[0], floor, yaw, 0.2 * k as f32));
+        }
+    }
+    vec![("near", near), ("far", far), ("walking", walking)]
+}
+
+/// The reference: each of the 12 edges of each limb as a segment through obvhs's tree, all hits counted.
+fn edge_by_edge(tree: &Bvh2, triangles: &[Triangle], pose: &Pose, above: f32) -> u32 {
+    let mut count = 0;
+    for node in &BODY_BOXES[..LIMB_BOX_COUNT] {
+        let joint = node.joint.index();
+        let (rotation, axes) = (pose.rotations[joint], Mat3::from_quat(pose.rotations[joint]));
+        let center = pose.positions[joint] + rotation * node.center;
+        let h = node.half_extents;
+        for axis in 0..3 {
+            for corner in 0..4 {
+                let sign = |bit: usize| if corner >> bit & 1 == 0 { -1.0 } else { 1.0 };
+                let mut local = Vec3::ZERO;
+                local[axis] = -h[axis];
+                local[(axis + 1) % 3] = sign(0) * h[(axis + 1) % 3];
+                local[(axis + 2) % 3] = sign(1) * h[(axis + 2) % 3];
+                let (origin, direction) = (center + axes * local, axes.col(axis));
+                let ray = Ray::new(origin.into(), direction.into(), 0.0, 2.0 * h[axis]);
+                tree.ray_traverse_anyhit(ray, |ray, id| {
+                    let t = triangles[tree.primitive_indices[id] as usize].intersect(ray);
+                    count += u32::from(t <= ray.tmax && origin.z + t * direction.z >= above);
+                });
+            }
+        }
+    }
+    count
+}
+
+/// Every triangle cut in four until there are at least `size`, then the rest of the first ones left whole.
+fn finer(mesh: &Mesh, size: usize) -> Mesh {
+    let mut out = Mesh { positions: mesh.positions.clone(), triangles: mesh.triangles.clone() };
+    while out.triangles.len() < size {
+        // Cut only as many as are needed.
+        let cut = (size - out.triangles.len()).div_ceil(3).min(out.triangles.len());
+        let mut triangles = out.triangles[cut..].to_vec();
+        for &[a, b, c] in &out.triangles[..cut] {
+            let n = out.positions.len() as u32;
+            let p = |i: u32| out.positions[i as usize];
+            let middles = [0.5 * (p(a) + p(b)), 0.5 * (p(b) + p(c)), 0.5 * (p(c) + p(a))];
+            out.positions.extend(middles);
+            triangles.extend([[a, n, n + 2], [n, b, n + 1], [n + 2, n + 1, c], [n, n + 1, n + 2]]);
+        }
+        out.triangles = triangles;
+    }
+    out
+}
+
+/// An 8 × 8 × 3 m room: two triangles a wall, chairs and tables of boxes, and finely meshed round cushions.
+fn made_room() -> Mesh {
+    let mut mesh = Mesh { positions: Vec::new(), triangles: Vec::new() };
+    let solid = |mesh: &mut Mesh, lo: Vec3, hi: Vec3| {
+        let n = mesh.positions.len() as u32;
+        for i in 0..8 {
+            let pick = |bit: u32, a: f32, b: f32| if i >> bit & 1 == 0 { a } else { b };
+            mesh.positions.push(Vec3::new(pick(0, lo.x, hi.x), pick(1, lo.y, hi.y), pick(2, lo.z, hi.z)));
+        }
+        for [a, b, c, d] in
+            [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]]
+        {
+            mesh.triangles.extend([[n + a, n + b, n + c], [n + a, n + c, n + d]]);
+        }
+    };
+    let v = Vec3::new;
+    solid(&mut mesh, v(-0.1, -0.1, -0.1), v(8.1, 8.1, 0.0));
+    for (lo, hi) in [
+        (v(-0.1, 0.0, 0.0), v(0.0, 8.0, 3.0)),
+        (v(8.0, 0.0, 0.0), v(8.1, 8.0, 3.0)),
+        (v(0.0, -0.1, 0.0), v(8.0, 0.0, 3.0)),
+        (v(0.0, 8.0, 0.0), v(8.0, 8.1, 3.0)),
+    ] {
+        solid(&mut mesh, lo, hi);
+    }
+    for k in 0..9 {
+        let at = v(1.3 + 2.6 * (k % 3) as f32, 1.2 + 2.7 * (k / 3) as f32, 0.0);
+        solid(&mut mesh, at + v(-0.5, -0.4, 0.70), at + v(0.5, 0.4, 0.74));
+        for (x, y) in [(-0.45, -0.35), (0.40, -0.35), (-0.45, 0.30), (0.40, 0.30)] {
+            solid(&mut mesh, at + v(x, y, 0.0), at + v(x + 0.05, y + 0.05, 0.70));
+        }
+        solid(&mut mesh, at + v(-0.2, 0.55, 0.42), at + v(0.2, 0.95, 0.46));
+        // A round cushion of 9,800 triangles beside the chair.
+        let n = mesh.positions.len() as u32;
+        let (rings, spokes) = (70u32, 70u32);
+        for i in 0..=rings {
+            for j in 0..spokes {
+                let (a, b) = (
+                    std::f32::consts::PI * i as f32 / rings as f32,
+                    std::f32::consts::TAU * j as f32 / spokes as f32,
+                );
+                mesh.positions
+                    .push(at + v(0.8, 0.7, 0.2) + 0.2 * v(a.sin() * b.cos(), a.sin() * b.sin(), a.cos()));
+            }
+        }
+        for i in 0..rings {
+            for j in 0..spokes {
+                let (a, b) = (n + i * spokes + j, n + i * spokes + (j + 1) % spokes);
+                mesh.triangles.extend([[a, b, a + spokes], [b, b + spokes, a + spokes]]);
+            }
+        }
+    }
+    mesh
+}
