@@ -77,55 +77,82 @@ impl OrientedBox {
     }
 }
 
-/// Crossings of the box's 12 edges with one triangle: bit `4 * axis + corner` for the edge along `axis` at the
-/// corner whose sign bits are (first other axis, second other axis). Crossings lower than `above` (world z) are left out.
+/// All of a box's edges, for [`crossings`].
+#[cfg(test)]
+pub const ALL_EDGES: u32 = 0xfff;
+
+/// Crossings of a box's edges with one triangle: bit `4 * axis + corner` for the edge along `axis` at the corner whose
+/// bits are the signs on (first other axis, second other axis). Only `edges` are looked at, and crossings lower than
+/// `above` (world z) are left out.
 ///
-/// This is the definition of a crossing; [`candidates`] only rules triangles out.
-pub fn crossings(placed: &OrientedBox, triangle: &[Vec3; 3], above: f32) -> u32 {
-    let v = triangle.map(|p| placed.to_local(p));
-    let half = placed.half_extents;
+/// This is the definition of a crossing; [`candidates`] only rules edges and triangles out.
+pub fn crossings(placed: &OrientedBox, triangle: &[Vec3; 3], edges: u32, above: f32) -> u32 {
+    let v = [placed.to_local(triangle[0]), placed.to_local(triangle[1]), placed.to_local(triangle[2])];
     let mut bits = 0;
-    for axis in 0..3 {
-        let (s, t) = ((axis + 1) % 3, (axis + 2) % 3);
-        for corner in 0..4 {
-            let cs = if corner & 1 == 0 { -half[s] } else { half[s] };
-            let ct = if corner & 2 == 0 { -half[t] } else { half[t] };
-            // Twice the signed area of the triangle (corner, a, b), and its sign for a corner moved a little.
-            let area = |a: Vec3, b: Vec3| (a[s] - cs) * (b[t] - ct) - (a[t] - ct) * (b[s] - cs);
-            let side = |e: f32, a: Vec3, b: Vec3| {
-                if e != 0.0 {
-                    e > 0.0
-                } else if a[t] != b[t] {
-                    a[t] > b[t]
-                } else {
-                    b[s] > a[s]
-                }
-            };
-            let (e0, e1, e2) = (area(v[1], v[2]), area(v[2], v[0]), area(v[0], v[1]));
-            let (p0, p1, p2) = (side(e0, v[1], v[2]), side(e1, v[2], v[0]), side(e2, v[0], v[1]));
-            if p0 != p1 || p1 != p2 {
-                continue;
-            }
-            let along = (e0 * v[0][axis] + e1 * v[1][axis] + e2 * v[2][axis]) / (e0 + e1 + e2);
-            // NaN where the triangle is seen exactly from its edge: no crossing.
-            if along.is_nan() || along.abs() > half[axis] {
-                continue;
-            }
-            let mut point = Vec3::ZERO;
-            point[axis] = along;
-            point[s] = cs;
-            point[t] = ct;
-            if (placed.axes * point).z + placed.center.z >= above {
-                bits |= 1 << (4 * axis + corner);
-            }
-        }
+    let mut left = edges;
+    while left != 0 {
+        let edge = left.trailing_zeros() as usize;
+        left &= left - 1;
+        let z = match edge / 4 {
+            0 => crossing::<0, 1, 2>(placed, &v, edge & 3),
+            1 => crossing::<1, 2, 0>(placed, &v, edge & 3),
+            _ => crossing::<2, 0, 1>(placed, &v, edge & 3),
+        };
+        bits |= u32::from(z.is_some_and(|z| z >= above)) << edge;
     }
     bits
 }
 
-/// Bit i: triangle i of the block may cross an edge of the box. Never misses one that [`crossings`] counts.
+/// World z of the place where the edge along axis A, at a corner of the plane of S and T, crosses the triangle `v`
+/// (in the box's frame).
 #[inline(always)]
-pub fn candidates<L: Lanes>(placed: &OrientedBox, block: &TriangleBlock) -> u32 {
+fn crossing<const A: usize, const S: usize, const T: usize>(
+    placed: &OrientedBox,
+    v: &[Vec3; 3],
+    corner: usize,
+) -> Option<f32> {
+    let half = placed.half_extents;
+    let cs = if corner & 1 == 0 { -half[S] } else { half[S] };
+    let ct = if corner & 2 == 0 { -half[T] } else { half[T] };
+    // Twice the signed area of the triangle (corner, a, b), and its sign for a corner moved a little.
+    let area = |a: Vec3, b: Vec3| (a[S] - cs) * (b[T] - ct) - (a[T] - ct) * (b[S] - cs);
+    let side = |e: f32, a: Vec3, b: Vec3| {
+        if e != 0.0 {
+            e > 0.0
+        } else if a[T] != b[T] {
+            a[T] > b[T]
+        } else {
+            b[S] > a[S]
+        }
+    };
+    let (e0, e1, e2) = (area(v[1], v[2]), area(v[2], v[0]), area(v[0], v[1]));
+    let (p0, p1, p2) = (side(e0, v[1], v[2]), side(e1, v[2], v[0]), side(e2, v[0], v[1]));
+    if p0 != p1 || p1 != p2 {
+        return None;
+    }
+    let along = (e0 * v[0][A] + e1 * v[1][A] + e2 * v[2][A]) / (e0 + e1 + e2);
+    // NaN where the triangle is seen exactly from its edge: no crossing.
+    if along.is_nan() || along.abs() > half[A] {
+        return None;
+    }
+    let z = |axis: usize| placed.axes.col(axis).z;
+    Some(placed.center.z + along * z(A) + cs * z(S) + ct * z(T))
+}
+
+/// The edges that a lane of [`candidates`]' second part names.
+#[inline(always)]
+pub fn edges_of(by_edge: &[u32; 12], lane: usize) -> u32 {
+    let mut edges = 0;
+    for (edge, lanes) in by_edge.iter().enumerate() {
+        edges |= (lanes >> lane & 1) << edge;
+    }
+    edges
+}
+
+/// The triangles of a block that may cross an edge of the box (bit i for triangle i), and the same edge by edge. Never
+/// misses one that [`crossings`] counts.
+#[inline(always)]
+pub fn candidates<L: Lanes>(placed: &OrientedBox, block: &TriangleBlock) -> (u32, [u32; 12]) {
     let half = placed.half_extents.to_array();
     let center = splat::<L>(placed.center);
     let axes: [[L; 3]; 3] = [splat(placed.axes.x_axis), splat(placed.axes.y_axis), splat(placed.axes.z_axis)];
@@ -155,8 +182,9 @@ pub fn candidates<L: Lanes>(placed: &OrientedBox, block: &TriangleBlock) -> u32 
         one |= plane;
     }
     near &= two;
+    let mut by_edge = [0; 12];
     if near == 0 {
-        return 0;
+        return (0, by_edge);
     }
     let mut found = 0;
     let zero = L::splat(0.0);
@@ -177,8 +205,10 @@ pub fn candidates<L: Lanes>(placed: &OrientedBox, block: &TriangleBlock) -> u32 
             let e0 = ds[1][s].mul(dt[2][t]).sub(dt[1][t].mul(ds[2][s]));
             let e1 = ds[2][s].mul(dt[0][t]).sub(dt[2][t].mul(ds[0][s]));
             let e2 = ds[0][s].mul(dt[1][t]).sub(dt[0][t].mul(ds[1][s]));
-            found |= zero.le(e0.min(e1).min(e2)) | e0.max(e1).max(e2).le(zero);
+            let lanes = near & (zero.le(e0.min(e1).min(e2)) | e0.max(e1).max(e2).le(zero));
+            by_edge[4 * axis + corner] = lanes;
+            found |= lanes;
         }
     }
-    found & near
+    (found, by_edge)
 }

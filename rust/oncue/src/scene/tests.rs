@@ -3,7 +3,7 @@
 use glam::{DVec3, Quat, Vec2, Vec3};
 use proptest::prelude::*;
 
-use super::box_edges::{OrientedBox, crossings};
+use super::box_edges::{ALL_EDGES, OrientedBox, crossings};
 use super::triangle_tree::{Scratch, TriangleTree};
 use super::*;
 use crate::cue::{ActionCue, ActionType, InitialState, Task};
@@ -143,7 +143,7 @@ proptest! {
     fn crossings_agree_with_double_precision(placed in placed_box(), soup in soup()) {
         for t in &soup {
             if let Some(expected) = reference_crossings(&placed, t) {
-                prop_assert_eq!(crossings(&placed, t, f32::NEG_INFINITY).count_ones(), expected, "{:?}", t);
+                prop_assert_eq!(crossings(&placed, t, ALL_EDGES, f32::NEG_INFINITY).count_ones(), expected, "{:?}", t);
             }
         }
     }
@@ -155,7 +155,7 @@ proptest! {
         let mut scratch = Scratch::default();
         for placed in &boxes {
             for above in [f32::NEG_INFINITY, above] {
-                let expected: u32 = soup.iter().map(|t| crossings(placed, t, above).count_ones()).sum();
+                let expected: u32 = soup.iter().map(|t| crossings(placed, t, ALL_EDGES, above).count_ones()).sum();
                 prop_assert_eq!(tree.count(placed, above, &mut scratch), expected);
                 prop_assert_eq!(tree.count_portable(placed, above, &mut scratch), expected);
             }
@@ -264,7 +264,8 @@ fn the_body_sums_its_nodes_and_leaves_out_the_floor() {
             let (p, r) = (pose.positions[joint], pose.rotations[joint]);
             assert_eq!(all[i], scene.intersection_count(node, p, r));
             let placed = OrientedBox::of_node(node, p, r);
-            let count: u32 = room().corners().iter().map(|t| crossings(&placed, t, 0.05).count_ones()).sum();
+            let count: u32 =
+                room().corners().iter().map(|t| crossings(&placed, t, ALL_EDGES, 0.05).count_ones()).sum();
             assert_eq!(high[i], count);
         }
         assert_eq!(scene.limb_intersections(&pose, 0.05)[..], high[..8]);

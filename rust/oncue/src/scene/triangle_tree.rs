@@ -12,7 +12,7 @@ use obvhs::bvh2::{Bvh2, reinsertion::ReinsertionOptimizer};
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 use rayon::prelude::*;
 
-use super::box_edges::{OrientedBox, TriangleBlock, candidates, crossings};
+use super::box_edges::{OrientedBox, TriangleBlock, candidates, crossings, edges_of};
 use super::lanes::{Lanes, Portable, has_avx2, splat};
 use super::polygon::Polygon;
 use crate::error::Result;
@@ -161,11 +161,11 @@ impl TriangleTree {
                 continue;
             }
             let block = &self.blocks[(next & !BLOCK) as usize];
-            let mut found = candidates::<L>(placed, block);
+            let (mut found, by_edge) = candidates::<L>(placed, block);
             while found != 0 {
                 let lane = found.trailing_zeros() as usize;
                 found &= found - 1;
-                let edges = crossings(placed, &block.triangle(lane), above);
+                let edges = crossings(placed, &block.triangle(lane), edges_of(&by_edge, lane), above);
                 if edges == 0 {
                     continue;
                 }
@@ -378,61 +378,64 @@ fn binary_tree(boxes: &[Aabb]) -> Bvh2 {
 /// Folds a binary tree into nodes of eight children, root first; `emit` turns at most `leaf_size` leaves into a child.
 fn fold(tree: &Bvh2, leaf_size: usize, nodes: &mut Vec<Node>, emit: &mut impl FnMut(&[u32]) -> u32) {
     let sizes = leaf_counts(tree);
-    // (binary node, slot of the folded node that is to name it)
+    let is_child = |node: usize| sizes[node] as usize <= leaf_size;
+    let area = |node: usize| if is_child(node) { -1.0 } else { tree.nodes[node].aabb().half_area() };
+    // (binary node, node and slot that are to name the folded one)
     let mut open: Vec<(usize, Option<(usize, usize)>)> = vec![(0, None)];
     let mut items = Vec::with_capacity(leaf_size);
     while let Some((root, place)) = open.pop() {
-        let mut children = vec![root];
+        let (mut children, mut areas, mut count) = ([root; 8], [area(root); 8], 1);
         // Open the largest box that is not yet a leaf, until eight are there.
-        while children.len() < 8 {
-            let largest = (0..children.len())
-                .filter(|&i| sizes[children[i]] as usize > leaf_size)
-                .max_by(|&a, &b| half_area(tree, children[a]).total_cmp(&half_area(tree, children[b])));
-            let Some(largest) = largest else { break };
+        while count < 8 {
+            let mut largest = 0;
+            for i in 1..count {
+                if areas[i] > areas[largest] {
+                    largest = i;
+                }
+            }
+            if areas[largest] < 0.0 {
+                break;
+            }
             let first = tree.nodes[children[largest]].first_index as usize;
-            children[largest] = first;
-            children.push(first + 1);
+            (children[largest], areas[largest]) = (first, area(first));
+            (children[count], areas[count]) = (first + 1, area(first + 1));
+            count += 1;
         }
         let number = nodes.len();
         nodes.push(Node::empty());
         if let Some((parent, slot)) = place {
             nodes[parent].child[slot] = number as u32;
         }
-        for (slot, &child) in children.iter().enumerate() {
-            let leaf = sizes[child] as usize <= leaf_size;
+        for (slot, &child) in children[..count].iter().enumerate() {
             let mut name = NO_CHILD;
-            if leaf {
+            if is_child(child) {
                 items.clear();
                 gather(tree, child, &mut items);
                 name = emit(&items);
-            }
-            nodes[number].set(slot, tree.nodes[child].aabb(), name);
-            if !leaf {
+            } else {
                 open.push((child, Some((number, slot))));
             }
+            nodes[number].set(slot, tree.nodes[child].aabb(), name);
         }
     }
-}
-
-fn half_area(tree: &Bvh2, node: usize) -> f32 {
-    tree.nodes[node].aabb().half_area()
 }
 
 /// Leaves under each node of the binary tree.
 fn leaf_counts(tree: &Bvh2) -> Vec<u32> {
     let mut order = Vec::with_capacity(tree.nodes.len());
-    let mut open = vec![0usize];
-    while let Some(node) = open.pop() {
-        order.push(node);
-        if !tree.nodes[node].is_leaf() {
-            let first = tree.nodes[node].first_index as usize;
-            open.extend([first, first + 1]);
+    let mut next = 0;
+    order.push(0u32);
+    while next < order.len() {
+        let node = &tree.nodes[order[next] as usize];
+        if !node.is_leaf() {
+            order.extend([node.first_index, node.first_index + 1]);
         }
+        next += 1;
     }
     let mut counts = vec![0u32; tree.nodes.len()];
     for &node in order.iter().rev() {
-        let n = &tree.nodes[node];
-        counts[node] = if n.is_leaf() {
+        let n = &tree.nodes[node as usize];
+        counts[node as usize] = if n.is_leaf() {
             n.prim_count
         } else {
             counts[n.first_index as usize] + counts[n.first_index as usize + 1]
@@ -441,17 +444,15 @@ fn leaf_counts(tree: &Bvh2) -> Vec<u32> {
     counts
 }
 
-/// The boxes under a node of the binary tree.
+/// The boxes under a node of the binary tree that has few.
 fn gather(tree: &Bvh2, node: usize, items: &mut Vec<u32>) {
-    let mut open = vec![node];
-    while let Some(node) = open.pop() {
-        let n = &tree.nodes[node];
-        let first = n.first_index as usize;
-        if n.is_leaf() {
-            items.extend(&tree.primitive_indices[first..first + n.prim_count as usize]);
-        } else {
-            open.extend([first + 1, first]);
-        }
+    let n = &tree.nodes[node];
+    let first = n.first_index as usize;
+    if n.is_leaf() {
+        items.extend(&tree.primitive_indices[first..first + n.prim_count as usize]);
+    } else {
+        gather(tree, first, items);
+        gather(tree, first + 1, items);
     }
 }
 
