@@ -18,8 +18,11 @@ const APPROACH: (f32, f32) = (0.45, 0.75);
 const APPROACH_ANGLE: f32 = 100.0;
 /// Angle between neighbouring approach points, degrees.
 const APPROACH_STEP: f32 = 10.0;
-/// What an approach from `APPROACH_ANGLE` costs over one from the front, metres.
-const SIDE_COST: f32 = 0.3;
+/// What an approach from `APPROACH_ANGLE` costs over one from the front, metres; it grows with the square of the angle,
+/// as one more step of turning round.
+const SIDE_COST: f32 = 0.8;
+/// What a metre farther from the seat than the nearest approach costs: the last step onto the seat is no walk.
+const DISTANCE_COST: f32 = 0.5;
 /// What an approach over an armrest costs, metres.
 const ARMREST_COST: f32 = 0.4;
 /// Room that an approach point should have; less is taken where there is no such point.
@@ -287,7 +290,8 @@ fn approach_at(scene: &SceneIndex, cue: &ActionCue, angle: f32, room: f32) -> Op
     if between(chest) {
         return None;
     }
-    let side = SIDE_COST * (1.0 - angle.cos()) / (1.0 - APPROACH_ANGLE.to_radians().cos());
+    let side = SIDE_COST * (angle / APPROACH_ANGLE.to_radians()).powi(2);
+    let far = DISTANCE_COST * (position.distance(goal) - APPROACH.0);
     let armrest = if between(cue.position.z + 0.12) { ARMREST_COST } else { 0.0 };
-    Some(ApproachPoint { position, angle, cost: side + armrest })
+    Some(ApproachPoint { position, angle, cost: side + far + armrest })
 }
