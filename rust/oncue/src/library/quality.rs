@@ -194,8 +194,13 @@ pub fn faults(quality: &Quality) -> Vec<String> {
     check(q.ankle <= 65.0, format!("an ankle turns by {:.0}°", q.ankle));
     check(q.spine <= 75.0, format!("the spine turns by {:.0}°", q.spine));
     check(q.neck <= 90.0, format!("neck and head turn by {:.0}°", q.neck));
+    check(
+        q.hand_to_thigh > 0.06,
+        format!("a wrist is {:.0} mm from the middle of a thigh", 1000.0 * q.hand_to_thigh),
+    );
+    check(q.between_feet > 0.06, format!("the feet pass at {:.0} mm", 1000.0 * q.between_feet));
     check(q.joint_speed <= 900.0, format!("{} turns at {:.0}°/s", q.fastest_joint.name(), q.joint_speed));
-    check(q.knee_acceleration <= 13000.0, format!("a knee pops at {:.0}°/s²", q.knee_acceleration));
+    check(q.knee_acceleration <= 12000.0, format!("a knee pops at {:.0}°/s²", q.knee_acceleration));
     check(
         q.joint_acceleration <= 15000.0,
         format!("{} jerks at {:.0}°/s²", q.jerkiest_joint.name(), q.joint_acceleration),

@@ -5,7 +5,7 @@
 //! weight shift before the first step. The size of rotations and of arm swing per metre between the feet is that of the
 //! walks named in [`super::foot`]: pelvis ±7° about the vertical and ±4° to the side, shoulders nearly still, upper arms -15° to +10°.
 
-use std::f32::consts::{FRAC_PI_2, TAU};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Quat, Vec2, Vec3};
 
@@ -23,8 +23,6 @@ const FINE: usize = 4;
 const STEP: f32 = 1.0 / (FRAME_RATE * FINE as f32);
 /// ω of the pendulum, 1/s: g over the height of the centre of mass.
 const OMEGA: f32 = 3.25;
-/// A leg's length with the knee flexed by 14°: nobody walks on straighter ones.
-const EASY_REACH: f32 = 2.0 * LEG_LENGTH * 0.99255;
 /// The pelvis joint's height when standing, metres.
 const STANDING_HEIGHT: f32 = 0.9885;
 
@@ -158,7 +156,7 @@ impl Signals {
         let pelvis: Vec<Vec2> = (0..n)
             .map(|i| {
                 let standing =
-                    mass[i] + rotate(yaw[i], Vec2::new(0.0, 0.015 + 0.026 * speed[i].clamp(0.0, 1.2)));
+                    mass[i] + rotate(yaw[i], Vec2::new(0.0, 0.015 + 0.015 * speed[i].clamp(0.0, 1.2)));
                 plan.seat.map_or(standing, |s| standing.lerp(s.pelvis, seat[i].back))
             })
             .collect();
@@ -200,12 +198,18 @@ impl Signals {
             };
             within(0).min(within(1))
         };
-        let standing: Vec<f32> = (0..n).map(|i| reach(i, EASY_REACH).min(STANDING_HEIGHT)).collect();
+        let standing: Vec<f32> = (0..n).map(|i| reach(i, self.easy_reach(i)).min(STANDING_HEIGHT)).collect();
         let standing = smooth(&running_minimum(&standing, (0.10 / STEP) as usize), 0.06 / STEP);
         let seated = |i: usize| plan.seat.map_or(standing[i], |s| s.height + PELVIS_OVER_SEAT).min(1.2);
         let height: Vec<f32> = (0..n).map(|i| mix(standing[i], seated(i), self.seat[i].down)).collect();
         // Once more for the way to the seat.
         (0..n).map(|i| height[i].min(reach(i, LEG_REACH))).collect()
+    }
+
+    /// A leg's length in walking: the faster, the more the knee gives at heel strike (12–18°).
+    fn easy_reach(&self, i: usize) -> f32 {
+        let knee = mix(12.0, 18.0, ((self.speed[i].abs() - 0.9) / 0.6).clamp(0.0, 1.0));
+        2.0 * LEG_LENGTH * (0.5 * knee).to_radians().cos()
     }
 
     fn pelvis_rotation(&self, plan: &Plan, i: usize) -> Quat {
@@ -315,12 +319,15 @@ impl Signals {
             let sign = if s == 0 { 1.0 } else { -1.0 };
             let mirror = |q: Quat| if s == 0 { q } else { Quat::from_xyzw(q.x, -q.y, -q.z, q.w) };
             let [clavicle, upper, lower, hand] = ARMS[s];
+            // One hand is a little ahead of the other.
+            let delay = (sign * 8.0 * plan.style.hands * FRAME_RATE * FINE as f32 * 0.25) as isize;
+            let hands = self.seat[(i as isize - delay).clamp(0, self.seat.len() as isize - 1) as usize].hands;
             let swing = -sign * shifted(&self.lead, i, -0.02) * plan.style.arms;
-            let forward = -0.055 + 0.36 * swing + 0.9 * seat.lean * (1.0 - seat.hands);
+            let forward = -0.055 + 0.36 * swing + 0.9 * seat.lean * (1.0 - hands);
             let bend = 0.27
                 + 0.11 * self.speed[i].abs().min(1.4)
                 + 0.34 * shifted(&self.lead, i, -0.05) * -sign * plan.style.arms;
-            let shrug = 0.012 * breath + 0.05 * seat.hands;
+            let shrug = 0.012 * breath + 0.05 * hands;
             let shoulder =
                 thorax * mirror(Quat::from_rotation_y(-shrug) * Quat::from_rotation_z(-0.10 * swing));
             let away = 0.175 + 0.02 * self.speed[i].abs().min(1.5);
@@ -332,17 +339,25 @@ impl Signals {
                 );
             let hang_lower = hang_upper * mirror(Quat::from_rotation_z(-bend.max(0.10)));
             let hang_hand = hang_lower * mirror(Quat::from_rotation_x(0.15) * Quat::from_rotation_z(-0.06));
-            let (upper_rotation, lower_rotation, hand_rotation) = if seat.hands > 0.0 {
+            let (upper_rotation, lower_rotation, hand_rotation) = if hands > 0.0 {
                 let (hip, thigh) = legs[s];
-                let wrist = hip + thigh * Vec3::new(-0.012 * sign, -0.088, -0.255);
                 let joint = neck_base
                     + thorax * JOINT_OFFSET[clavicle.index()]
                     + shoulder * JOINT_OFFSET[upper.index()];
-                let elbow = thorax * Vec3::new(0.62 * sign, 0.75, -0.35);
+                let to_elbow = hang_upper * JOINT_OFFSET[lower.index()];
+                let hanging = joint + to_elbow + hang_lower * JOINT_OFFSET[hand.index()];
+                let along = -0.255 + sign * plan.style.hands;
+                let resting = hip + thigh * Vec3::new(-0.012 * sign, -0.092, along);
+                // Up and over the edge of the thigh, not through it.
+                let arch = (PI * hands).sin() * (1.0 - 0.3 * hands);
+                let over = thigh * Vec3::new(0.07 * sign, -0.10, 0.0) * arch;
+                let wrist = hanging.lerp(resting, hands) + over;
+                let line = (hanging - joint).normalize_or(Vec3::NEG_Z);
+                let hung = (to_elbow - line * to_elbow.dot(line)).normalize_or(Vec3::Y);
+                let elbow = hung.lerp(thorax * Vec3::new(0.50 * sign, 0.80, -0.45), hands);
                 let (u, l) = limb::arm(sign, joint, wrist, elbow);
                 let flat = flat_hand(sign, thigh);
-                let w = seat.hands;
-                (hang_upper.slerp(u, w), hang_lower.slerp(l, w), hang_hand.slerp(l.slerp(flat, 0.8), w))
+                (u, l, (l * (hang_lower.inverse() * hang_hand)).slerp(l.slerp(flat, 0.8), hands))
             } else {
                 (hang_upper, hang_lower, hang_hand)
             };

@@ -16,6 +16,8 @@ use crate::math::planar::rotate;
 use crate::motion::Joint;
 use crate::motion::skeleton::{HEEL_LENGTH, JOINT_OFFSET, TOE_HEIGHT, TOE_LENGTH};
 
+/// Metres between the middles of the feet as one passes the other.
+const ROOM: f32 = 0.125;
 /// From the ankle to the ball of the foot along the sole, metres.
 const BALL: f32 = -JOINT_OFFSET[Joint::LeftToe.index()].y;
 const HEEL_TO_BALL: f32 = HEEL_LENGTH + BALL;
@@ -42,14 +44,14 @@ const SWING: [(f32, [f32; 3], [f32; 3]); 8] = [
     (0.31, [-45.0, -16.0, 5.0], [8.9, 4.5, 4.4]),
     (0.40, [-33.0, -11.0, 1.0], [6.9, 4.9, 4.9]),
     (0.49, [-17.0, -6.0, -6.0], [4.4, 4.6, 4.5]),
-    (0.58, [1.0, -1.0, -13.0], [3.6, 3.8, 3.2]),
-    (0.67, [18.0, 3.0, -18.0], [6.2, 2.4, 1.3]),
-    (STRIKE, [25.0, 4.5, -19.0], [8.0, 1.4, 0.0]),
+    (0.58, [1.0, -1.0, -12.5], [3.6, 3.8, 3.2]),
+    (0.67, [18.0, 3.0, -16.0], [6.2, 2.4, 1.3]),
+    (STRIKE, [25.0, 4.5, -15.0], [8.0, 1.4, 0.0]),
 ];
 
-/// After the strike: u, pitch in degrees.
+/// After the strike: share of the way to the flat foot, pitch in degrees.
 const FLATTEN: [(f32, [f32; 3]); 3] =
-    [(0.855, [15.0, 3.0, -13.0]), (0.945, [4.0, 0.8, -4.5]), (1.0, [0.0, 0.0, 0.0])];
+    [(0.40, [15.0, 3.0, -9.0]), (0.77, [4.0, 0.8, -2.2]), (1.0, [0.0, 0.0, 0.0])];
 
 /// Progress of the ball from one foothold to the next in a forward step.
 const PROGRESS: [(f32, f32); 10] = [
@@ -131,7 +133,6 @@ fn blend(values: [f32; 3], forward: f32) -> f32 {
 impl Flight {
     fn new(from: Foothold, to: Foothold, lift: f32, land: f32, earliest_rise: f32, other: Foothold) -> Self {
         let swing = land - lift;
-        let flat = land + swing * (1.0 - STRIKE) / STRIKE;
         let rise = (lift - (0.6 * swing).clamp(0.16, 0.40)).max(earliest_rise);
         let (a, b) = (ball_of(&from), ball_of(&to));
         let heading = 0.5 * (from.yaw + to.yaw);
@@ -139,12 +140,14 @@ impl Flight {
         let forward = if ahead >= 0.0 { (ahead / 0.75).min(1.0) } else { (ahead / 0.35).max(-1.0) };
         let forward = forward.signum() * forward.abs().powf(0.8);
 
+        // Backwards, the heel comes down slowly.
+        let flat = land + swing * mix((1.0 - STRIKE) / STRIKE, 0.55, (-forward).max(0.0));
         let time = |u: f32| lift + u / STRIKE * swing;
         let degrees = |v: [f32; 3]| blend(v, forward).to_radians();
         let mut knots = vec![(rise, 0.0)];
         knots.extend(RISE.iter().map(|&(v, p)| (mix(rise, lift, v), degrees(p))));
         knots.extend(SWING.iter().map(|&(u, p, _)| (time(u), degrees(p))));
-        knots.extend(FLATTEN.iter().map(|&(u, p)| (time(u), degrees(p))));
+        knots.extend(FLATTEN.iter().map(|&(v, p)| (mix(land, flat, v), degrees(p))));
         let pitch = Spline::new(&knots, (0.0, 0.0));
 
         let strike_pitch = pitch.at(land);
@@ -160,24 +163,25 @@ impl Flight {
         // The swinging foot goes round the standing one.
         let centre = |h: &Foothold| h.ankle + h.forward() * 0.5 * BALL;
         let (c0, c1, around) = (centre(&from), centre(&to), centre(&other));
-        let side = (c0 - around).perp_dot(rotate(heading, Vec2::NEG_Y)).signum();
+        let ahead = rotate(heading, Vec2::NEG_Y);
+        let side = ahead.perp_dot(c0 + c1 - 2.0 * around).signum();
         let outward = rotate(heading, Vec2::new(side, 0.0));
-        let nearest = (0..=20)
-            .map(|i| {
-                let s = i as f32 / 20.0;
-                (0.105
-                    - (c0.lerp(c1, s) - around)
-                        .dot(outward)
-                        .max(0.0)
-                        .hypot(0.6 * (c0.lerp(c1, s) - around).dot(rotate(heading, Vec2::NEG_Y))))
-                    * (PI * s).sin().powi(2)
-            })
-            .fold(0.0, f32::max);
+        let short_of_room = |s: f32| {
+            let from_other = c0.lerp(c1, s) - around;
+            // Where the feet are abreast; one ahead of the other needs no room beside it.
+            let abreast = 1.0 - (from_other.dot(ahead).abs() / 0.25).min(1.0);
+            (ROOM - from_other.dot(outward)).max(0.0) * abreast
+        };
+        let nearest = (1..20).map(|i| short_of_room(i as f32 / 20.0)).fold(0.0, f32::max);
         Self { rise, lift, land, flat, from, to, forward, pitch, height, detour: outward * nearest }
     }
 
     fn sample(&self, t: f32) -> FootSample {
-        let u = (t - self.lift) / (self.land - self.lift) * STRIKE;
+        let u = if t < self.land {
+            (t - self.lift) / (self.land - self.lift) * STRIKE
+        } else {
+            STRIKE + (t - self.land) / (self.flat - self.land) * (1.0 - STRIKE)
+        };
         let (a, b) = (ball_of(&self.from), ball_of(&self.to));
         let pitch = self.pitch.at(t);
         let pitch = if u <= 0.0 { pitch.min(0.0) } else { pitch };

@@ -71,7 +71,7 @@ pub struct Plan {
 /// Metres between the ankles while standing.
 pub const STANDING_WIDTH: f32 = 0.17;
 /// Metres between the ankles while walking.
-pub const WALKING_WIDTH: f32 = 0.105;
+pub const WALKING_WIDTH: f32 = 0.115;
 const TOE_OUT: f32 = 0.11;
 
 /// Step length in metres at a walking speed in m/s.
@@ -270,8 +270,9 @@ impl Planner {
 /// The foothold of `side` under a body frame.
 pub fn foothold(position: Vec2, yaw: f32, side: usize, width: f32, style: &Style) -> Foothold {
     let sign = if side == 0 { 1.0 } else { -1.0 };
+    let stagger = if width < STANDING_WIDTH { 0.0 } else { style.stagger };
     Foothold {
-        ankle: position + rotate(yaw, Vec2::new(sign * 0.5 * width, 0.0)),
+        ankle: position + rotate(yaw, Vec2::new(sign * 0.5 * width, -sign * stagger)),
         yaw: yaw + sign * TOE_OUT * style.toe_out,
     }
 }

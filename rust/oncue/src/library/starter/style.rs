@@ -17,6 +17,10 @@ pub struct Style {
     pub pelvis: f32,
     /// Radians: forward lean of the trunk beyond the mean.
     pub lean: f32,
+    /// Metres: the left hand rests nearer to the hip by this, the right farther.
+    pub hands: f32,
+    /// Metres: the left foot stands ahead by this, the right behind.
+    pub stagger: f32,
     /// Metres: drift of the weight while standing.
     pub sway: f32,
     /// Phases in radians of the drifts.
@@ -34,6 +38,8 @@ impl Style {
             arms: 1.0,
             pelvis: 1.0,
             lean: 0.0,
+            hands: 0.0,
+            stagger: 0.0,
             sway: 0.012,
             phases: [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 0.5, 2.5],
         }
@@ -50,6 +56,8 @@ impl Style {
             arms: about(1.0, 0.15),
             pelvis: about(1.0, 0.15),
             lean: about(0.0, 0.015),
+            hands: about(0.0, 0.035),
+            stagger: about(0.0, 0.014),
             sway: about(0.012, 0.003),
             phases: std::array::from_fn(|_| about(0.0, std::f32::consts::PI)),
         }
