@@ -276,4 +276,4 @@ def fixtures(session: nox.Session) -> None:
 @nox.session
 def bench(session: nox.Session) -> None:
     """Search, collision, environment steps and updates, each beside a plain reference."""
-    session.run("cargo", "bench", "--locked", "--package", "oncue", *session.posargs, external=True)
+    session.run("cargo", "bench", "--locked", "--package", "oncue", "--bench", "*", *session.posargs, external=True)

@@ -1,7 +1,7 @@
 import oncue_core
 import pytest
 
-from .geometry import room_with_a_bench
+from .geometry import room_with_a_bench, sit_on_the_bench
 
 
 @pytest.fixture(scope="session")
@@ -12,8 +12,4 @@ def bench_scene() -> oncue_core.SceneIndex:
 
 @pytest.fixture
 def bench_task() -> dict:
-    """From the room's middle round to the bench, to sit facing away from it."""
-    return {
-        "start": {"name": "Start", "position": [0.0, -1.5, 0.0], "yaw": 3.0},
-        "cue": {"name": "Sit", "action_type": "sit", "position": [0.0, 1.95, 0.53], "yaw": 0.0},
-    }
+    return sit_on_the_bench()

@@ -32,6 +32,14 @@ def room_with_a_bench() -> Mesh:
     return joined(box((-3, -3, -0.1), (3, 3, 0)), box((-0.8, 1.8, 0), (0.8, 2.3, 0.45)))
 
 
+def sit_on_the_bench() -> dict:
+    """From the middle of `room_with_a_bench` round to the bench, to sit facing away from it."""
+    return {
+        "start": {"name": "Start", "position": [0.0, -1.5, 0.0], "yaw": 3.0},
+        "cue": {"name": "Sit", "action_type": "sit", "position": [0.0, 1.95, 0.53], "yaw": 0.0},
+    }
+
+
 def terrain(quads: int) -> Mesh:
     """A waved floor of `quads` × `quads` squares over 20 × 20 m: two triangles each."""
     side = np.linspace(-10, 10, quads + 1, dtype=np.float32)

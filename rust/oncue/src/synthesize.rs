@@ -48,7 +48,7 @@ pub fn synthesize(
     stage_done("check");
 
     progress.stage("Preparing the motion library");
-    let database = MotionDatabase::build(library, &settings.synthesizer.weights)?;
+    let database = MotionDatabase::build(library, &settings.synthesizer.weights, progress)?;
     let environment = Environment::new(scene, &database, task, settings);
     stage_done("prepare");
     progress.check()?;

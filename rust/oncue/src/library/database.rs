@@ -13,6 +13,7 @@ use crate::cue::ActionType;
 use crate::error::{Error, Result};
 use crate::math::Planar;
 use crate::motion::{FootContact, Joint, Posture};
+use crate::progress::Progress;
 
 /// One frame of the database, as the synthesizer needs it. Everything person-centric: the root's
 /// projection stands at the origin and faces -Y.
@@ -80,9 +81,16 @@ const ENTER_WITHIN: u16 = 110;
 
 impl MotionDatabase {
     /// Computes the features of every frame and builds the indices.
-    pub fn build(library: &MotionLibrary, weights: &FeatureWeights) -> Result<Self> {
-        let per_clip: Vec<(Vec<DatabaseFrame>, Vec<PoseFeature>)> =
-            library.clips.par_iter().enumerate().map(|(c, clip)| clip_frames(c, clip)).collect();
+    ///
+    /// # Errors
+    /// `Input` where the library has no standing or no walking; `Cancelled`.
+    pub fn build(library: &MotionLibrary, weights: &FeatureWeights, progress: &Progress) -> Result<Self> {
+        let per_clip = library
+            .clips
+            .par_iter()
+            .enumerate()
+            .map(|(c, clip)| progress.check().map(|()| clip_frames(c, clip)))
+            .collect::<Result<Vec<(Vec<DatabaseFrame>, Vec<PoseFeature>)>>>()?;
         let mut frames = Vec::with_capacity(library.frame_count());
         let mut pose_features = Vec::with_capacity(library.frame_count());
         for (f, p) in per_clip {
@@ -116,7 +124,10 @@ impl MotionDatabase {
                 "The motion library has no standing still to begin from; add an idle clip or let the starter library fill in what is missing.",
             ));
         }
-        let built: Vec<ActionIndex> = ActionType::ALL.par_iter().map(|&a| database.index(a)).collect();
+        let built = ActionType::ALL
+            .par_iter()
+            .map(|&a| database.index(a, progress))
+            .collect::<Result<Vec<ActionIndex>>>()?;
         for (slot, index) in database.indices.iter_mut().zip(built) {
             *slot = index;
         }
@@ -128,12 +139,15 @@ impl MotionDatabase {
         Ok(database)
     }
 
-    fn index(&self, action_type: ActionType) -> ActionIndex {
+    fn index(&self, action_type: ActionType, progress: &Progress) -> Result<ActionIndex> {
         let size = feature_size(action_type);
         let mut features = Vec::new();
         let mut frames = Vec::new();
         let mut entries = vec![u32::MAX; self.frames.len()];
         for f in 0..self.frames.len() {
+            if f % 1024 == 0 {
+                progress.check()?;
+            }
             if let Some(future) = self.future(action_type, f) {
                 entries[f] = frames.len() as u32;
                 frames.push(f as u32);
@@ -143,7 +157,7 @@ impl MotionDatabase {
             }
         }
         let search = SearchIndex::build(&features, &self.weights.vector(action_type));
-        ActionIndex { search, frames, entries }
+        Ok(ActionIndex { search, frames, entries })
     }
 
     /// o_future of a frame, or `None` where it may not be entered for this action.
