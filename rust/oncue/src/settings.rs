@@ -248,7 +248,7 @@ pub struct PpoSettings {
     pub updates: usize,
     /// Stop when this share of the episodes from the task's own start succeed (1.1: never)…
     pub solved: f32,
-    /// …or when this many seconds have gone.
+    /// …or when this many seconds have gone; a run that is cut off so depends on the machine's speed.
     pub seconds: f32,
     /// Share of episodes that begin elsewhere on the clear floor, facing anywhere.
     pub vary_start: f32,
@@ -264,16 +264,16 @@ impl Default for PpoSettings {
             discount: 0.95,
             lambda: 0.95,
             clip: 0.2,
-            tuples: 30_000,
+            tuples: 8192,
             batch: 512,
             epochs: 5,
             gradient_norm: 0.5,
             log_std_future: -1.2,
             log_std_offset: -1.2,
             entropy: 0.0,
-            updates: 40,
-            solved: 0.9,
-            seconds: 240.0,
+            updates: 16,
+            solved: 0.5,
+            seconds: 600.0,
             vary_start: 0.5,
         }
     }
@@ -291,7 +291,7 @@ pub struct KeptSettings {
 
 impl Default for KeptSettings {
     fn default() -> Self {
-        Self { rollouts: 256, rounds: 3 }
+        Self { rollouts: 128, rounds: 3 }
     }
 }
 
@@ -321,6 +321,8 @@ impl Settings {
                 settings.signal.propose_clear_path = false;
                 settings.reward.geodesic = false;
                 settings.reward.body_weight = 0.0;
+                settings.ppo.tuples = 30_000;
+                settings.ppo.solved = 0.9;
                 settings.ppo.log_std_future = 0.0;
                 settings.ppo.log_std_offset = 0.0;
                 settings.ppo.updates = 200;

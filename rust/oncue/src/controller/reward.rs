@@ -1,6 +1,6 @@
 //! R_total = w_tr R_tr + w_act R_act + w_reg R_reg (LAMA, eqs. 3–8), a function a symbol.
 
-use crate::library::feature::{CONTACT, FUTURE, PoseFeature, UP, VELOCITY};
+use crate::library::feature::{FUTURE, PoseFeature, UP, VELOCITY};
 use crate::math::rotation::wrap_angle;
 use crate::motion::{BODY_BOXES, Limb};
 use crate::settings::RewardSettings;
@@ -79,6 +79,7 @@ pub fn transition_cost(query: &PoseFeature, matched: &PoseFeature, weights: &[f3
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::library::feature::CONTACT;
 
     fn close(a: f32, b: f32) {
         assert!((a - b).abs() < 1e-5, "{a} {b}");

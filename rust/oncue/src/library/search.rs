@@ -1,10 +1,11 @@
 //! k* = argmin_k ‖w_f ⊙ (x - y_k)‖² (LAMA, eq. 2), exactly, in microseconds.
 //!
 //! The weighted features are turned into their principal components, which changes no distance.
-//! Boxes over the first components bound whole groups of neighbouring frames from below; groups that
-//! cannot hold the best are passed over, and what is left is summed component by component until it
-//! is too far. Frames lie in blocks of 16 with the frame as the fastest index, so that the loops
-//! vectorise; AVX2 is chosen at run time, and both paths do the same arithmetic in the same order.
+//! Frames are sorted like the leaves of a k-d tree, so that neighbours in memory are alike; boxes over
+//! the first components bound whole groups of them from below; groups that cannot hold the best are
+//! passed over, and what is left is summed component by component until it is too far. Frames lie in
+//! blocks of 16 with the frame as the fastest index, so that the loops vectorise; AVX2 is chosen at run
+//! time, and both paths do the same arithmetic in the same order.
 
 /// Frames in a block.
 const BLOCK: usize = 16;
@@ -33,6 +34,9 @@ pub struct SearchIndex {
     /// Row r is the r-th principal direction (components × weights.len()).
     basis: Vec<f32>,
     entries: usize,
+    /// Entry at each place in memory, and the place of each entry.
+    entry_at: Vec<u32>,
+    place_of: Vec<u32>,
     /// [block][component][lane]
     data: Vec<f32>,
     /// [group][boxed component][block in group], lower and upper bounds.
@@ -59,12 +63,22 @@ impl SearchIndex {
         let blocks = entries.div_ceil(BLOCK);
         let groups = blocks.div_ceil(GROUP);
         // Lanes past the end hold a far-away value, so they never win.
+        let mut rotated = vec![0.0; entries * components];
+        for (y, out) in weighted.chunks_exact(size.max(1)).zip(rotated.chunks_exact_mut(components)) {
+            for (c, out) in out.iter_mut().enumerate() {
+                *out = dot(&basis[c * size..(c + 1) * size], y);
+            }
+        }
+        let mut entry_at: Vec<u32> = (0..entries as u32).collect();
+        sort_as_leaves(&mut entry_at, &rotated, components);
+        let mut place_of = vec![0; entries];
         let mut data = vec![1e15; groups * GROUP * BLOCK * components];
-        for (entry, y) in weighted.chunks_exact(size.max(1)).enumerate() {
-            let block = &mut data[(entry / BLOCK) * BLOCK * components..];
-            for c in 0..components {
-                let row = &basis[c * size..(c + 1) * size];
-                block[c * BLOCK + entry % BLOCK] = dot(row, y);
+        for (place, &entry) in entry_at.iter().enumerate() {
+            place_of[entry as usize] = place as u32;
+            let block = &mut data[(place / BLOCK) * BLOCK * components..];
+            let y = &rotated[entry as usize * components..(entry as usize + 1) * components];
+            for (c, y) in y.iter().enumerate() {
+                block[c * BLOCK + place % BLOCK] = *y;
             }
         }
         let mut index = Self {
@@ -72,14 +86,16 @@ impl SearchIndex {
             components,
             basis,
             entries,
+            entry_at,
+            place_of,
             data,
             block_lower: vec![f32::INFINITY; groups * BOXED * GROUP],
             block_upper: vec![f32::NEG_INFINITY; groups * BOXED * GROUP],
             group_lower: vec![f32::INFINITY; groups * BOXED],
             group_upper: vec![f32::NEG_INFINITY; groups * BOXED],
         };
-        for entry in 0..entries {
-            let (block, lane) = (entry / BLOCK, entry % BLOCK);
+        for place in 0..entries {
+            let (block, lane) = (place / BLOCK, place % BLOCK);
             let group = block / GROUP;
             for c in 0..BOXED {
                 let v = index.data[(block * components + c) * BLOCK + lane];
@@ -133,7 +149,7 @@ impl SearchIndex {
         let q = self.project(query);
         let mut best = Match { entry: usize::MAX, cost: f32::INFINITY };
         if let Some(hint) = hint.filter(|h| *h < self.entries) {
-            self.scan_block(hint / BLOCK, &q, &mut best);
+            self.scan_block(self.place_of[hint] as usize / BLOCK, &q, &mut best);
         }
         let groups = self.group_lower.len() / BOXED;
         // The most promising group first, then the others in order with a tight bound.
@@ -161,10 +177,11 @@ impl SearchIndex {
     /// ‖w_f ⊙ (x - y_k)‖² of one entry.
     pub fn cost(&self, query: &[f32], entry: usize) -> f32 {
         let q = self.project(query);
-        let block = &self.data[(entry / BLOCK) * BLOCK * self.components..];
+        let place = self.place_of[entry] as usize;
+        let block = &self.data[(place / BLOCK) * BLOCK * self.components..];
         let mut cost = 0.0;
         for (c, q) in q[..self.components].iter().enumerate() {
-            let d = block[c * BLOCK + entry % BLOCK] - q;
+            let d = block[c * BLOCK + place % BLOCK] - q;
             cost += d * d;
         }
         cost
@@ -240,12 +257,38 @@ impl SearchIndex {
             }
         }
         for (lane, &cost) in cost.iter().enumerate() {
-            let entry = block * BLOCK + lane;
-            if entry < self.entries && (cost < best.cost || (cost == best.cost && entry < best.entry)) {
+            let Some(&entry) = self.entry_at.get(block * BLOCK + lane) else { break };
+            let entry = entry as usize;
+            if cost < best.cost || (cost == best.cost && entry < best.entry) {
                 *best = Match { entry, cost };
             }
         }
     }
+}
+
+/// Orders `entries` (rows of `rotated`, `components` long) as the leaves of a k-d tree: halved, at a whole
+/// number of blocks, along the boxed component that spreads most.
+fn sort_as_leaves(entries: &mut [u32], rotated: &[f32], components: usize) {
+    if entries.len() <= BLOCK {
+        entries.sort_unstable();
+        return;
+    }
+    let value = |entry: u32, c: usize| rotated[entry as usize * components + c];
+    let spread = |c: usize| {
+        let (low, high) = entries.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), &e| {
+            (low.min(value(e, c)), high.max(value(e, c)))
+        });
+        high - low
+    };
+    let widest = (0..BOXED).map(|c| (c, spread(c))).fold((0, -1.0), |a, b| if b.1 > a.1 { b } else { a }).0;
+    let unit = if entries.len() > 2 * BLOCK * GROUP { BLOCK * GROUP } else { BLOCK };
+    let middle = (entries.len() / 2).next_multiple_of(unit).min((entries.len() - 1) / unit * unit).max(1);
+    entries.select_nth_unstable_by(middle, |a, b| {
+        value(*a, widest).total_cmp(&value(*b, widest)).then(a.cmp(b))
+    });
+    let (low, high) = entries.split_at_mut(middle);
+    sort_as_leaves(low, rotated, components);
+    sort_as_leaves(high, rotated, components);
 }
 
 #[inline(always)]

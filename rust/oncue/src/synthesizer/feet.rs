@@ -36,8 +36,8 @@ pub(super) struct Foot {
     turn: Inertia,
     /// Where the toe is held, world.
     held: Option<Vec2>,
-    /// The leg could not reach the held toe in the last frame.
-    strained: bool,
+    /// Where the toe came to stand because the leg could not reach the held place, in the last frame.
+    dragged: Option<Vec2>,
     last_toe: Vec3,
 }
 
@@ -67,15 +67,19 @@ impl Foot {
         let shown = from_angle_axis(self.turn.offset) * planar.rotation() * old.foot_rotation[side];
         self.turn.offset = to_angle_axis(shown * (planar.rotation() * new.foot_rotation[side]).inverse());
         self.turn.velocity = Vec3::ZERO;
+        self.last_toe = Self::clip_toe(planar, new, side);
     }
 
     /// One frame on; `frame` is the frame now shown.
     pub(super) fn step(&mut self, planar: &Planar, frame: &DatabaseFrame, side: usize) {
         let clip = Self::clip_toe(planar, frame, side);
         let planted = frame.contact[side] >= 1.0;
+        if let (Some(held), Some(dragged)) = (&mut self.held, self.dragged.take()) {
+            *held = dragged;
+        }
         if let Some(held) = self.held {
             let offset = held - clip.truncate();
-            let far = offset.length() > LET_GO || self.strained;
+            let far = offset.length() > LET_GO;
             if planted && !far {
                 self.toe.offset = offset.extend(self.toe.offset.z);
                 self.toe.velocity = Vec3::new(0.0, 0.0, self.toe.velocity.z);
@@ -102,12 +106,11 @@ impl Foot {
         }
         self.turn.step(HALF_LIFE);
         self.last_toe = clip;
-        self.strained = false;
     }
 
-    /// The contact that is shown: a foot that had to be let go is not in contact.
+    /// The contact that is shown: a foot that is dragged or was let go is not planted.
     pub(super) fn contact(&self, clip: f32) -> f32 {
-        if clip >= 1.0 && (self.held.is_none() || self.strained) { 0.5 } else { clip }
+        if clip >= 1.0 && (self.held.is_none() || self.dragged.is_some()) { 0.5 } else { clip }
     }
 
     /// Bends the leg so that the toe stands where it should.
@@ -142,8 +145,8 @@ impl Foot {
             rotation = raised(heel);
             ankle = ankle_of(rotation);
             if ankle.distance(hip) > longest + 1e-3 {
-                self.strained = true;
                 ankle = hip + (ankle - hip).clamp_length_max(longest);
+                self.dragged = Some((ankle + rotation * JOINT_OFFSET[toe]).truncate());
             }
         }
         let down = (ankle - hip).normalize_or(Vec3::NEG_Z);
