@@ -23,7 +23,8 @@ fn main() {
     let progress = Progress::new();
     let settings = Settings::default();
     let library = starter::generate(&progress).expect("the starter library");
-    let database = MotionDatabase::build(&library, &settings.synthesizer.weights).expect("a database");
+    let database =
+        MotionDatabase::build(&library, &settings.synthesizer.weights, &progress).expect("a database");
     println!(
         "library: {} frames, {} walk, {} sit entries",
         database.frames.len(),
