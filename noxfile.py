@@ -276,13 +276,15 @@ def summary(report: dict[str, Any]) -> list[str]:
         for cue in report["cues"]
     ]
     foot, penetration = report["foot"], report["penetration"]
-    lines.append(
-        f"foot contact {foot['contact_cm']:.2f} cm, skate {foot['low_skate_cm']:.2f} cm a frame; penetration of legs and "
-        f"arms {penetration['percent']:.1f} %, of the whole body {penetration['whole_body_percent']:.1f} % of the frames"
-    )
-    seconds = sum(report["seconds"].values())
-    lines.append(f"{report['frames'] / 30:.1f} s of motion, found in {seconds:.0f} s and {report['updates']} updates")
-    return lines + report["problems"]
+    lines += [
+        f"foot contact {foot['contact_cm']:.2f} cm, feet near the floor move {foot['low_skate_cm']:.2f} cm a frame",
+        f"legs or arms in the scene in {penetration['percent']:.1f} % of the frames, "
+        f"any part in {penetration['whole_body_percent']:.1f} %",
+        f"{report['frames'] / 30:.1f} s of motion, found in {sum(report['seconds'].values()):.0f} s "
+        f"and {report['updates']} updates",
+        *report["problems"],
+    ]
+    return lines
 
 
 @nox.session
