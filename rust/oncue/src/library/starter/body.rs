@@ -346,15 +346,16 @@ impl Signals {
                     + shoulder * JOINT_OFFSET[upper.index()];
                 let to_elbow = hang_upper * JOINT_OFFSET[lower.index()];
                 let hanging = joint + to_elbow + hang_lower * JOINT_OFFSET[hand.index()];
-                let along = -0.255 + sign * plan.style.hands;
+                // Towards the knees while the trunk leans over them.
+                let along = -0.255 + sign * plan.style.hands - 0.13 * (seat.lean / 0.7).min(1.0);
                 let resting = hip + thigh * Vec3::new(-0.012 * sign, -0.092, along);
                 // Up and over the edge of the thigh, not through it.
                 let arch = (PI * hands).sin() * (1.0 - 0.3 * hands);
-                let over = thigh * Vec3::new(0.07 * sign, -0.10, 0.0) * arch;
+                let over = thigh * Vec3::new(0.05 * sign, -0.075, 0.0) * arch;
                 let wrist = hanging.lerp(resting, hands) + over;
                 let line = (hanging - joint).normalize_or(Vec3::NEG_Z);
                 let hung = (to_elbow - line * to_elbow.dot(line)).normalize_or(Vec3::Y);
-                let elbow = hung.lerp(thorax * Vec3::new(0.50 * sign, 0.80, -0.45), hands);
+                let elbow = hung.lerp(thorax * Vec3::new(0.38 * sign, 0.85, -0.50), hands);
                 let (u, l) = limb::arm(sign, joint, wrist, elbow);
                 let flat = flat_hand(sign, thigh);
                 (u, l, (l * (hang_lower.inverse() * hang_hand)).slerp(l.slerp(flat, 0.8), hands))

@@ -285,12 +285,13 @@ fn way_down(height: f32) -> f32 {
 
 fn sit_down(p: &mut Planner, height: f32) {
     let seat = seat_behind(p, height);
-    let start = p.now() + 0.05;
+    // The trunk begins to lean as the last foot comes down.
+    let start = p.now() - if p.stepped() { 0.15 } else { 0.0 };
     let end = start + way_down(height);
     let plan = p.plan_mut();
     plan.seat = Some(seat);
     plan.seatings.push(Seating { down: true, start, end });
-    p.stand(0.05 + way_down(height) + 0.1);
+    p.stand(end - p.now() + 0.1);
 }
 
 fn seats(out: &mut Vec<Recipe>) {

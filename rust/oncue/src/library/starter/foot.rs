@@ -1,7 +1,7 @@
 //! One foot's path through its plan: stance, heel rise, swing, heel strike.
 //!
 //! The tables are means over straight walking at 1.0–1.3 m/s of the Open Motion Project by ACCAD / The Ohio State
-//! University (65 strides of `Male1_B*`, CC BY 3.0), measured by `tools/gait_curves.py` and read at twentieths of the
+//! University (60 strides of `Male1_B1` to `B3` and `B9` to `B15`, CC BY 3.0), measured by `tools/gait_curves.py` and read at twentieths of the
 //! stride; the shapes agree with Winter 1991 (two clearance peaks of the toe with the minimum between, heel strike
 //! with the toe up by some 25°). Steps to the side, round and back have tables of their own.
 

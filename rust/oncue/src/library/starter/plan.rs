@@ -129,6 +129,11 @@ impl Planner {
         self.free.max(self.landed)
     }
 
+    /// Whether a step, not a stand, came last.
+    pub fn stepped(&self) -> bool {
+        self.landed > self.free
+    }
+
     pub fn yaw(&self) -> f32 {
         self.yaw
     }

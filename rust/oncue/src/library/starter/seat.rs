@@ -85,7 +85,7 @@ pub fn seat_state(plan: &Plan, t: f32) -> SeatState {
             back: ease(v, 0.06, 0.72),
             down: ease(v, 0.09, 0.76),
             lean: most * keyed(&[(0.0, 0.0), (0.47, 1.0), (0.60, 0.97), (1.0, 0.0)], v),
-            hands: ease(v, 0.22, 0.85),
+            hands: ease(v, 0.26, 0.74),
             rest: ease(v, 0.60, 1.0),
             feet: ease(v, 0.45, 0.92),
         }
