@@ -100,7 +100,8 @@ def _material(color: str) -> bpy.types.Material:
     material = bpy.data.materials.get(color)
     if material is None:
         material = bpy.data.materials.new(color)
-        material.use_nodes = True
+        if material.node_tree is None:  # before Blender 5.0
+            material.use_nodes = True
         shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
         shader.inputs["Base Color"].default_value = (*COLORS[color], 1.0)
         shader.inputs["Roughness"].default_value = 0.7

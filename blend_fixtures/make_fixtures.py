@@ -33,7 +33,7 @@ BOUNDS_TOLERANCE = 0.011
 
 def new_scene(frame_rate: int = 30) -> bpy.types.Scene:
     """An empty file at `frame_rate`."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene = bpy.context.scene
     scene.render.fps, scene.frame_start, scene.frame_end = frame_rate, 1, 60
     return scene

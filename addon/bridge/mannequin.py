@@ -37,7 +37,8 @@ def _material(name: str, color: tuple[float, float, float], roughness: float) ->
     material = bpy.data.materials.get(name)
     if material is None:
         material = bpy.data.materials.new(name)
-        material.use_nodes = True
+        if material.node_tree is None:  # before Blender 5.0
+            material.use_nodes = True
         shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
         shader.inputs["Base Color"].default_value = (*color, 1.0)
         shader.inputs["Roughness"].default_value = roughness

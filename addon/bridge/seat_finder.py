@@ -109,7 +109,7 @@ def _flattest_part(
                     break
     if not hits:
         raise SceneError(
-            f"{chair.name} has no level surface between {SEAT_HEIGHTS[0]:.2f} and {SEAT_HEIGHTS[1]:.2f} m over its foot: "
+            f"{chair.name} has no level surface between {SEAT_HEIGHTS[0]:.2f} and {SEAT_HEIGHTS[1]:.2f} m up: "
             "select the seat's face in edit mode."
         )
     hits = np.array(hits)
