@@ -35,6 +35,7 @@ def parser() -> argparse.ArgumentParser:
     )
     made.add_argument("--starter", choices=["all", "missing", "none"], help="what the starter library adds")
     made.add_argument("--preset", help="settings of the optimization (default: the scene's)")
+    made.add_argument("--overrides", help="settings that depart from the preset, as a JSON object")
     made.add_argument("--start-frame", type=int, help="frame of the first key")
     made.add_argument("--scene-scale", type=float, help="metres per scene unit; 0.01 for centimetres")
     return made
@@ -97,6 +98,8 @@ def apply_options(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
         if options.preset not in native.preset_names():
             raise SceneError(f"There is no preset {options.preset}; choose one of {', '.join(native.preset_names())}.")
         settings.preset = options.preset
+    if options.overrides is not None:
+        settings.overrides = options.overrides
     if options.start_frame is not None:
         settings.start_frame = options.start_frame
     if options.scene_scale is not None:
@@ -145,18 +148,19 @@ def write_json(path: Path, report: dict) -> None:
 
 
 class ProgressPrinter:
-    """Prints a line when the stage changes, and one every few seconds within it."""
+    """Prints a line when the stage changes, and within it one every few seconds when something has moved."""
 
     def __init__(self, every_s: float = 5.0) -> None:
-        self._every, self._stage, self._printed = every_s, "", -1e9
+        self._every, self._stage, self._seen, self._printed = every_s, "", None, -1e9
 
     def __call__(self, progress: Progress) -> None:
-        if progress.stage == self._stage and progress.elapsed_s - self._printed < self._every:
+        seen = (progress.stage, round(progress.fraction, 2), progress.update)
+        waiting = progress.stage == self._stage and progress.elapsed_s - self._printed < self._every
+        if waiting or seen == self._seen:
             return
-        self._stage, self._printed = progress.stage, progress.elapsed_s
+        self._stage, self._seen, self._printed = progress.stage, seen, progress.elapsed_s
         line = f"Oncue: {progress.elapsed_s:5.0f} s  {progress.stage} {progress.fraction * 100:.0f} %"
         if progress.update:
-            line += (
-                f"  update {progress.update}, success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}"
-            )
+            line += f"  update {progress.update}"
+            line += f", success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}"
         print(line, flush=True)

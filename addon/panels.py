@@ -87,7 +87,7 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
         layout, settings = self.layout, context.scene.oncue
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("seed", "start_frame", "preset", "character", "exclude", "scene_scale", "show_cues"):
+        for name in ("seed", "start_frame", "preset", "overrides", "character", "exclude", "scene_scale", "show_cues"):
             layout.prop(settings, name)
         layout.operator("oncue.toggle_exclude")
 

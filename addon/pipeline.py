@@ -43,6 +43,8 @@ class Request:
     library: LibraryChoice = LibraryChoice()
     preset: str = "default"
     seed: int = 0
+    #: Settings that depart from the preset, nested as the preset's.
+    overrides: dict = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -77,9 +79,20 @@ def synthesis_steps(request: Request, cache: LibraryCache) -> Steps:
     with _timed(seconds, "scene_index"):
         scene = yield from _finish(core.index_scene(request.positions, request.triangles))
     with _timed(seconds, "synthesis"):
-        settings = core.default_settings(request.preset)
+        settings = merged(core.default_settings(request.preset), request.overrides)
         synthesis = yield from _finish(core.synthesize(scene, library, request.task, settings, request.seed))
     return Outcome(synthesis, seconds, skipped)
+
+
+def merged(settings: dict, overrides: dict, where: str = "") -> dict:
+    """The settings with what `overrides` names replaced. Raises SceneError for a name that there is not."""
+    out = dict(settings)
+    for name, value in overrides.items():
+        if name not in settings:
+            raise SceneError(f"There is no setting {where}{name}; choose one of {', '.join(sorted(settings))}.")
+        nested = isinstance(settings[name], dict) and isinstance(value, dict)
+        out[name] = merged(settings[name], value, f"{where}{name}.") if nested else value
+    return out
 
 
 def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps:

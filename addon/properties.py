@@ -64,6 +64,11 @@ class OncueSettings(bpy.types.PropertyGroup):
         default="MISSING",
     )
     preset: EnumProperty(name="Preset", description="Settings of the motion's optimization", items=_presets)
+    overrides: StringProperty(
+        name="Overrides",
+        description='Settings that depart from the preset, as JSON: {"ppo": {"updates": 10}}',
+        default="",
+    )
     seed: IntProperty(
         name="Seed", description="The same seed gives the same motion; another one another take", min=0, default=1
     )

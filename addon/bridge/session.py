@@ -46,8 +46,20 @@ def read_request(context: bpy.types.Context) -> tuple[Request, list[tuple[str, s
         metres_per_unit=settings.scene_scale,
         scale_confirmed=settings.scale_confirmed,
     )
-    request = Request(meshes.positions, meshes.triangles, task, library, settings.preset, settings.seed)
+    overrides = read_overrides(settings.overrides)
+    request = Request(meshes.positions, meshes.triangles, task, library, settings.preset, settings.seed, overrides)
     return request, meshes.skipped
+
+
+def read_overrides(text: str) -> dict:
+    """Settings that depart from the preset. Raises SceneError where the text is no JSON object."""
+    try:
+        overrides = json.loads(text) if text.strip() else {}
+    except ValueError as error:
+        raise SceneError(f"The overrides in the settings are not JSON: {error}.") from error
+    if not isinstance(overrides, dict):
+        raise SceneError('The overrides in the settings must be a JSON object such as {"ppo": {"updates": 10}}.')
+    return overrides
 
 
 def write_outcome(
@@ -81,6 +93,7 @@ def _report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) 
         "extension": {
             "blender_version": compat.BLENDER_VERSION,
             "preset": request.preset,
+            "overrides": request.overrides,
             "library": {"paths": list(request.library.paths), "starter": request.library.starter},
             "scene_triangles": len(request.triangles),
             "skipped_objects": [{"object": name, "reason": reason} for name, reason in skipped],

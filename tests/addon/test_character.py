@@ -28,7 +28,7 @@ def motion(writer):
     random, frames = np.random.default_rng(3), 45
     turns = np.cumsum(random.normal(0, 0.08, (frames, 22, 4)), axis=0) + random.normal(0, 1, (22, 4))
     rotations = turns / np.linalg.norm(turns, axis=-1, keepdims=True)
-    positions = np.cumsum(random.normal(0, 0.05, (frames, 3)), axis=0) + (1.0, -2.0, 0.9)
+    positions = (*np.cumsum(random.normal(0, 0.05, (frames, 3)), axis=0), 1.0, -2.0, 0.9)
     return writer.Motion(positions.astype(np.float32), rotations.astype(np.float32), 30.0)
 
 
@@ -53,7 +53,9 @@ def forward_kinematics(skeleton, motion):
         if joint == 0:
             continue
         turns[:, joint] = turns[:, parent] @ local[:, joint]
-        positions[:, joint] = positions[:, parent] + turns[:, parent] @ np.asarray(skeleton["joint_offsets"][joint], float)
+        positions[:, joint] = positions[:, parent] + turns[:, parent] @ np.asarray(
+            skeleton["joint_offsets"][joint], float
+        )
     return positions
 
 

@@ -1,0 +1,70 @@
+"""The task scenes: what they are made of, and rooms from outside."""
+
+import math
+
+import bpy
+import pytest
+from mathutils import Vector
+
+
+@pytest.fixture
+def read(oncue):
+    return lambda: oncue("bridge.cue_reader").read_task(bpy.context)
+
+
+@pytest.mark.parametrize("name", ["demo_room", "chair_row", "gap_55", "stool", "enclosed_seat", "stop"])
+def test_each_scene_has_a_task_and_something_to_walk_on(fixtures, oncue, read, name):
+    fixtures.SCENES[name]()
+    task = read()
+    meshes = oncue("bridge.scene_reader").read_scene(bpy.context, scale_confirmed=False)
+    assert meshes.skipped == []
+    low = meshes.positions.min(axis=0)
+    assert low[2] == pytest.approx(-0.1, abs=1e-6)
+    assert task["start"]["position"][2] == 0.0
+
+
+@pytest.mark.parametrize("name", ["demo_room", "chair_row", "gap_55", "stool", "enclosed_seat"])
+def test_a_sit_cue_is_a_decimetre_over_its_seat(fixtures, context, read, name):
+    fixtures.SCENES[name]()
+    pelvis = Vector(read()["cue"]["position"])
+    hit, place, *_ = context.scene.ray_cast(context.evaluated_depsgraph_get(), pelvis, Vector((0, 0, -1)))
+    assert hit
+    assert pelvis.z - place.z == pytest.approx(0.10, abs=0.012)
+
+
+def test_the_core_accepts_what_can_be_done_and_names_what_cannot(fixtures, oncue, core, context, read):
+    def check(name):
+        fixtures.SCENES[name]()
+        meshes = oncue("bridge.scene_reader").read_scene(bpy.context)
+        core.check_task(core.index_scene(meshes.positions, meshes.triangles).result(), read())
+
+    for name in ("demo_room", "chair_row", "gap_55", "stool", "stop"):
+        check(name)
+    with pytest.raises(core.InputError, match="Sit"):
+        check("enclosed_seat")
+
+
+def test_a_room_from_outside_has_its_cues_where_the_table_says(fixtures, read, shared_data):
+    room = shared_data / "rooms" / "sh3d_Studio.glb"
+    rows = fixtures.room_rows(shared_data / "rooms" / "rooms.tsv", "sh3d_Studio")
+    assert [row["task"] for row in rows] == ["1", "2", "3", "4", "5"]
+    fixtures.room_task(room, rows[1])
+    task = read()
+    assert task["start"]["position"] == pytest.approx([4.70, -2.60, 0.0])
+    # Facing +Y: the rest pose turned round.
+    assert abs(task["start"]["yaw"]) == pytest.approx(math.pi, abs=1e-5)
+    assert task["cue"]["position"] == pytest.approx([3.79, -1.28, 0.54])
+    # Facing -X: the rest pose turned by -90°.
+    assert task["cue"]["yaw"] == pytest.approx(math.radians(-90), abs=1e-5)
+
+
+def test_a_room_that_lies_elsewhere_is_refused(fixtures, shared_data):
+    rows = fixtures.room_rows(shared_data / "rooms" / "rooms.tsv", "sh3d_Studio")
+    row = {**rows[0], "bbox_max_xyz": "7.49 0.17 2.60"}
+    with pytest.raises(SystemExit, match="bbox_max_xyz"):
+        fixtures.room_task(shared_data / "rooms" / "sh3d_Studio.glb", row)
+
+
+def test_an_unknown_room_is_refused(fixtures, shared_data):
+    with pytest.raises(SystemExit, match="no row"):
+        fixtures.room_rows(shared_data / "rooms" / "rooms.tsv", "castle")

@@ -1,0 +1,173 @@
+"""The button, by its blocking path: the same code as in the window, without the window."""
+
+import bpy
+import numpy as np
+import pytest
+
+from .runs import current_action, datablocks, keys_of, set_quick
+
+
+@pytest.fixture
+def stool(fixtures):
+    """A small task, ready to run; the file as it is before the run."""
+    fixtures.stool_alone()
+    set_quick(bpy.context.scene)
+    return bpy.context
+
+
+def test_the_main_job(stool, oncue, core):
+    context = stool
+    context.scene.oncue.start_frame = 11
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    character, action = context.scene.oncue.character, current_action()
+    report = oncue("bridge.session").report_of(action)
+    first, last = action.frame_range
+    assert first == 11
+    assert last - first + 1 == report["frames"]
+    assert context.scene.frame_end == last
+
+    # What the report says is what Blender shows.
+    depsgraph = context.evaluated_depsgraph_get
+    context.scene.frame_set(11)
+    hips = (
+        character.evaluated_get(depsgraph()).matrix_world @ character.evaluated_get(depsgraph()).pose.bones["Hips"].head
+    )
+    assert np.hypot(hips.x - 0.4, hips.y - 2.2) < 0.15
+    cue = report["cues"][0]
+    context.scene.frame_set(11 + cue["frame"])
+    posed = character.evaluated_get(depsgraph())
+    hips = posed.matrix_world @ posed.pose.bones["Hips"].head
+    assert 100 * (hips - bpy.data.objects["Sit"].location).length == pytest.approx(cue["pelvis_cm"], abs=0.1)
+    assert report["extension"]["scene_triangles"] > 100
+    lines = [line for line, _ in oncue("panels").result_lines(report)]
+    assert lines[0].startswith("Sit: ")
+    assert any("Penetration" in line for line in lines)
+
+    # Once more: the same seed is the same motion, on the same character, beside the first take.
+    keys = keys_of(oncue, action)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    assert context.scene.oncue.character == character
+    assert current_action() != action
+    assert action.use_fake_user
+    assert keys_of(oncue, current_action()) == keys
+    assert len(keys) == 3 + 4 * 22
+
+
+def test_a_run_that_cannot_be_leaves_the_file_as_it_was(fixtures, core):
+    fixtures.enclosed_seat()
+    set_quick(bpy.context.scene)
+    before = datablocks()
+    with pytest.raises(RuntimeError, match="Sit"):
+        bpy.ops.oncue.synthesize()
+    assert datablocks() == before
+
+
+@pytest.mark.parametrize("stage", ["building", "indexing", "synthesizing"])
+def test_a_cancelled_run_leaves_the_file_as_it_was(stool, oncue, core, monkeypatch, stage):
+    """The artist's cancel arrives while the stage is at work; the operator ends as cancelled, nothing is written."""
+    before, frames = datablocks(), stool.scene.frame_end
+    call = {"building": "build_library", "indexing": "index_scene", "synthesizing": "synthesize"}[stage]
+    real = getattr(core, call)
+
+    def cancelled_at_once(*arguments):
+        job = real(*arguments)
+        job.cancel()
+        return job
+
+    oncue("operators.synthesize").library_cache.put(None, None)
+    monkeypatch.setattr(core, call, cancelled_at_once)
+    assert bpy.ops.oncue.synthesize() == {"CANCELLED"}
+    assert "as it was" in oncue("job_operator").handle.message
+    assert datablocks() == before
+    assert stool.scene.frame_end == frames
+
+
+def refused(words):
+    before = datablocks()
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.oncue.synthesize()
+    assert datablocks() == before
+
+
+def test_bad_scenes_are_sentences(stool, core):
+    scene = stool.scene
+    start, sit = bpy.data.objects["Start"], bpy.data.objects["Sit"]
+    start.hide_set(True)
+    refused("no Start cue")
+    start.hide_set(False)
+    sit.hide_set(True)
+    refused("no Sit or Stop cue")
+    sit.hide_set(False)
+    for thing in scene.objects:
+        if thing.type == "MESH":
+            thing.hide_viewport = True
+    refused("no visible mesh")
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [((0.0, 0.0, -0.6), "Sit"), ((0.0, 0.0, 3.0), "Sit"), ((float("nan"), 0.0, 0.5), "Sit")],
+    ids=["under the floor", "in the air", "nowhere"],
+)
+def test_a_cue_in_a_bad_place_is_named(stool, core, place, words):
+    bpy.data.objects["Sit"].location = place
+    stool.view_layer.update()
+    refused(words)
+
+
+def test_a_start_inside_furniture_is_named(stool, fixtures, core):
+    fixtures.f.Piece("Cupboard", (0.4, 2.2, 0)).box((-0.6, -0.4, 0), (0.6, 0.4, 2), "oak").link(stool.scene)
+    stool.view_layer.update()
+    refused("Start")
+
+
+def test_a_library_that_vanished_is_named(stool, core, tmp_path):
+    stool.scene.oncue.library_paths.add().path = str(tmp_path / "gone")
+    refused("gone is not there any more")
+
+
+def test_a_relative_library_of_an_unsaved_file_is_named(stool, core):
+    stool.scene.oncue.library_paths.add().path = "//mocap"
+    refused("never saved")
+
+
+def test_overrides_must_be_settings(stool, core):
+    stool.scene.oncue.overrides = "{oops"
+    refused("not JSON")
+    stool.scene.oncue.overrides = '{"ppo": {"upppdates": 3}}'
+    refused(r"no setting ppo\.upppdates")
+
+
+def test_the_library_list(context, tmp_path):
+    folder = tmp_path / "mocap"
+    folder.mkdir()
+    files = [{"name": "a.bvh"}, {"name": "b.bvh"}]
+    bpy.ops.oncue.add_library(directory=str(folder), files=files)
+    bpy.ops.oncue.add_library(directory=str(folder), folder=True)
+    bpy.ops.oncue.add_library(directory=str(folder), folder=True)
+    paths = [item.path for item in context.scene.oncue.library_paths]
+    assert paths == [str(folder / "a.bvh"), str(folder / "b.bvh"), str(folder)]
+    context.scene.oncue.library_index = 0
+    bpy.ops.oncue.remove_library()
+    assert [item.path for item in context.scene.oncue.library_paths] == paths[1:]
+
+
+def test_saving_the_library(context, oncue, core, tmp_path):
+    path = tmp_path / "starter.oncue"
+    assert bpy.ops.oncue.save_library(filepath=str(path)) == {"FINISHED"}
+    assert core.Library.read(str(path)).clip_count > 100
+    with pytest.raises(RuntimeError, match="nowhere"):
+        bpy.ops.oncue.save_library(filepath="/nowhere/starter.oncue")
+
+
+def test_excluding_objects(context, oncue):
+    from .shapes import add_cube, add_floor
+
+    add_floor()
+    cube = add_cube("Curtain")
+    for thing in context.view_layer.objects:
+        thing.select_set(thing == cube)
+    bpy.ops.oncue.toggle_exclude()
+    assert len(oncue("bridge.scene_reader").read_scene(context).triangles) == 2
+    bpy.ops.oncue.toggle_exclude()
+    assert len(oncue("bridge.scene_reader").read_scene(context).triangles) == 14
