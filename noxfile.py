@@ -303,6 +303,18 @@ def fixtures(session: nox.Session) -> None:
 
 
 @nox.session
+def window(session: nox.Session) -> None:
+    """The button, pressed with the mouse in the real program, which is put into `.nox/debian-13-blender` (needs root)."""
+    archive = build_extension(session, build_wheel(session))
+    python = blender_environment(session, blenders(session)[-1])
+    root = os.environ.get("ONCUE_WINDOW_ROOT", str(ENVIRONMENTS / "debian-13-blender"))
+    session.run(
+        *[str(python), "-m", "pytest", "tests/window", *session.posargs],
+        env={"ONCUE_EXTENSION": str(archive), "ONCUE_WINDOW_ROOT": root},
+    )
+
+
+@nox.session
 def bench(session: nox.Session) -> None:
     """Search, collision, environment steps and updates, each beside a plain reference."""
     session.run("cargo", "bench", "--locked", "--package", "oncue", "--bench", "*", *session.posargs, external=True)
