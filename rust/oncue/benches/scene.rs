@@ -94,6 +94,42 @@ fn measure(name: &str, mesh: Mesh) {
             f64::from(count) / frames.len() as f64,
             f64::from(reference_count) / frames.len() as f64,
         );
+        if kind == "walking" {
+            paths(&scene, &frames);
+        }
+    }
+}
+
+/// Clear paths: building one, and asking it.
+fn paths(scene: &SceneIndex, frames: &[Pose]) {
+    let grid = scene.occupancy();
+    let clearance = grid.clearance_cells();
+    let goal = (0..clearance.len()).max_by(|&a, &b| clearance[a].total_cmp(&clearance[b])).unwrap_or(0);
+    let mut ways = None;
+    let build = best(5, || {
+        ways = Some(ClearPath::to_cue(scene, &stop_at(grid.raster.center(goal), scene.floor_height())))
+    });
+    let Some(ways) = ways else { return };
+    let places: Vec<Vec2> = frames.iter().map(|f| f.position(Joint::Hips).truncate()).collect();
+    let distance = best(5, || places.iter().for_each(|&p| _ = black_box(ways.distance(p))));
+    let ahead = best(3, || places.iter().for_each(|&p| _ = black_box(ways.point_ahead(p, 1.5))));
+    let each = |d: Duration| d.as_secs_f64() * 1e6 / places.len() as f64;
+    println!(
+        "  clear paths over {} cells: {:.1} ms to build, distance {:.3} µs, point 1.5 m ahead {:.1} µs",
+        grid.raster.len(),
+        build.as_secs_f64() * 1e3,
+        each(distance),
+        each(ahead),
+    );
+}
+
+fn stop_at(place: Vec2, floor: f32) -> ActionCue {
+    ActionCue {
+        name: String::new(),
+        action_type: ActionType::Stop,
+        position: place.extend(floor),
+        yaw: 0.0,
+        feet: [None; 2],
     }
 }
 
@@ -149,13 +185,7 @@ fn frames(scene: &SceneIndex) -> Vec<(&'static str, Vec<Pose>)> {
     let far = pick(&cells(&|i| clearance[i] > 0.75 * most));
     // From every hundredth walkable cell to the freest place.
     let goal = (0..clearance.len()).max_by(|&a, &b| clearance[a].total_cmp(&clearance[b])).unwrap_or(0);
-    let cue = ActionCue {
-        name: String::new(),
-        action_type: ActionType::Stop,
-        position: grid.raster.center(goal).extend(floor),
-        yaw: 0.0,
-        feet: [None; 2],
-    };
+    let cue = stop_at(grid.raster.center(goal), floor);
     let ways = ClearPath::to_cue(scene, &cue);
     let mut walking = Vec::new();
     for start in cells(&|i| clearance[i] > 0.25).into_iter().step_by(100) {

@@ -51,6 +51,8 @@ pub struct ClearPath {
     goal: Vec2,
     approach: Vec<ApproachPoint>,
     times: TravelTimes,
+    /// Unit vectors down the travel time, at the cells' centres.
+    descent: Vec<Vec2>,
 }
 
 impl ClearPath {
@@ -79,6 +81,7 @@ impl ClearPath {
         times.march(
             &raster,
             |i| if free(i) { cost(clearance[i], settings) } else { f32::INFINITY },
+            false,
             f32::INFINITY,
         );
         if cue.action_type == ActionType::Sit {
@@ -102,9 +105,15 @@ impl ClearPath {
         // Out of the band where there is too little room, and out of what is occupied, but never through it
         // into other free space.
         let walkable = grid.walkable_cells();
-        times.march(&raster, |i| if walkable[i] && !free(i) { BLOCKED_COST } else { f32::INFINITY }, BAND);
-        times.march(&raster, |i| if walkable[i] { f32::INFINITY } else { 2.0 * BLOCKED_COST }, BAND);
-        Self { raster, goal, approach, times }
+        times.march(
+            &raster,
+            |i| if walkable[i] && !free(i) { BLOCKED_COST } else { f32::INFINITY },
+            true,
+            BAND,
+        );
+        times.march(&raster, |i| if walkable[i] { f32::INFINITY } else { 2.0 * BLOCKED_COST }, true, BAND);
+        let descent = (0..raster.len()).map(|i| steepest(&raster, &times.time, i)).collect();
+        Self { raster, goal, approach, times, descent }
     }
 
     /// Metres along the clear floor from `xy` to the cue (for a seat, the straight rest from the approach point
@@ -187,9 +196,7 @@ impl ClearPath {
         }
         // Every step lowers the time, so this ends; the bound is for rounding.
         for _ in 0..8 * self.raster.len() {
-            if let Some(end) =
-                self.approach.iter().map(|a| a.position).find(|p| p.distance(here) <= self.raster.cell)
-            {
+            if let Some(end) = self.arrived(here, time) {
                 visit(end);
                 return;
             }
@@ -211,20 +218,32 @@ impl ClearPath {
         }
     }
 
-    /// Unit vector down the travel time; zero where it is flat.
+    /// The approach point that a way ends at here; points that it only passes, on to a better one, do not count.
+    fn arrived(&self, here: Vec2, time: f32) -> Option<Vec2> {
+        let cell = self.raster.cell;
+        let on_seat = here.distance(self.goal) < APPROACH.0 - cell;
+        self.approach
+            .iter()
+            .filter(|a| on_seat || a.position.distance(here) <= cell)
+            .filter(|a| on_seat || a.position.distance(self.goal) + a.cost <= time + 0.5 * cell)
+            .map(|a| a.position)
+            .min_by(|a, b| a.distance_squared(here).total_cmp(&b.distance_squared(here)))
+    }
+
+    /// Unit vector down the travel time, between the four nearest cells; zero where they disagree or it is flat.
     fn descent(&self, at: Vec2) -> Vec2 {
-        let h = 0.5 * self.raster.cell;
-        let here = self.effort(at);
-        let slope = |d: Vec2| {
-            let (a, b) = (self.effort(at + d), self.effort(at - d));
-            match (a.is_finite(), b.is_finite()) {
-                (true, true) => 0.5 * (a - b),
-                (true, false) => a - here,
-                (false, true) => here - b,
-                (false, false) => 0.0,
-            }
-        };
-        -Vec2::new(slope(Vec2::X * h), slope(Vec2::Y * h)).normalize_or_zero()
+        let p = (at - self.raster.origin) / self.raster.cell - 0.5;
+        let low = p.floor();
+        let f = p - low;
+        let (width, height) = (self.raster.width as i32, self.raster.height as i32);
+        let (x, y) = (low.x as i32, low.y as i32);
+        let (x0, x1) = (x.clamp(0, width - 1), (x + 1).clamp(0, width - 1));
+        let (y0, y1) = (y.clamp(0, height - 1), (y + 1).clamp(0, height - 1));
+        let down = |x: i32, y: i32| self.descent[(x + width * y) as usize];
+        let below = down(x0, y0).lerp(down(x1, y0), f.x);
+        let above = down(x0, y1).lerp(down(x1, y1), f.x);
+        let way = below.lerp(above, f.y);
+        if way.length_squared() > 0.1 { way.normalize() } else { Vec2::ZERO }
     }
 
     fn lowest_around(&self, at: Vec2) -> Option<usize> {
@@ -240,6 +259,17 @@ fn cost(clearance: f32, settings: &SceneSettings) -> f32 {
     let tight = part(settings.narrow_clearance, settings.free_clearance);
     let blocked = part(settings.blocked_clearance, settings.narrow_clearance);
     1.0 + (NARROW_COST - 1.0) * tight * tight + (BLOCKED_COST - NARROW_COST) * blocked
+}
+
+/// Unit vector down `time` at a cell: by the lower neighbour of each axis, as the times were found; zero at a source.
+fn steepest(raster: &Raster, time: &[f32], cell: usize) -> Vec2 {
+    if !time[cell].is_finite() {
+        return Vec2::ZERO;
+    }
+    let [left, right, below, above] =
+        raster.neighbours(cell).map(|n| n.map_or(0.0, |n| (time[cell] - time[n]).max(0.0)));
+    let along = |less: f32, more: f32| if less > more { -less } else { more };
+    Vec2::new(along(left, right), along(below, above)).normalize_or_zero()
 }
 
 /// Signed angle from the heading to a direction, radians in (-π, π], left positive.

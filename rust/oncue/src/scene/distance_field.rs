@@ -7,7 +7,7 @@
 
 use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
-use glam::{IVec3, Vec3};
+use glam::{IVec2, IVec3, Vec3};
 use rayon::prelude::*;
 
 use super::polygon::Polygon;
@@ -31,8 +31,11 @@ pub struct DistanceField {
     pub bottom: f32,
     /// The marked space; outside it there is nothing.
     bounds: (Vec3, Vec3),
-    /// Lower bound of the distance in `cell / STEPS`, x fastest.
+    /// Lower bound of the distance in `cell / STEPS`, in tiles of 4 × 4 × 4 cells, a cache line each: the places that
+    /// one body asks for share a few of them.
     steps: Vec<u8>,
+    /// Tiles along x and y.
+    tiles: IVec2,
 }
 
 impl DistanceField {
@@ -61,6 +64,7 @@ impl DistanceField {
             bottom,
             bounds: (lo, hi),
             steps: Vec::new(),
+            tiles: (size.truncate() + 3) / 4,
         };
         let marked = field.mark(triangles, progress)?;
         progress.check()?;
@@ -84,7 +88,7 @@ impl DistanceField {
     #[inline(always)]
     pub fn steps_at(&self, point: Vec3) -> u8 {
         let c = ((point - self.origin) * self.per_metre).clamp(Vec3::ZERO, self.last);
-        self.steps.get(self.index(c.as_ivec3())).copied().unwrap_or(0)
+        self.steps.get(self.tiled(c.as_ivec3())).copied().unwrap_or(0)
     }
 
     pub fn memory(&self) -> usize {
@@ -94,6 +98,13 @@ impl DistanceField {
     #[inline(always)]
     fn index(&self, c: IVec3) -> usize {
         (c.x + self.size.x * (c.y + self.size.y * c.z)) as usize
+    }
+
+    /// Where a cell's distance is kept.
+    #[inline(always)]
+    fn tiled(&self, c: IVec3) -> usize {
+        let tile = (c.x >> 2) + self.tiles.x * ((c.y >> 2) + self.tiles.y * (c.z >> 2));
+        ((tile << 6) | (c.x & 3) | (c.y & 3) << 2 | (c.z & 3) << 4) as usize
     }
 
     /// 0 in every cell that a triangle higher than `bottom` passes through, 255 elsewhere.
@@ -212,10 +223,22 @@ impl DistanceField {
             };
         let rows = slices(&rows, nx, ny, &|row| row % ny);
         progress.check()?;
-        let mut steps = slices(&rows, nx * ny, nz, &|row| row / ny);
+        let squares = slices(&rows, nx * ny, nz, &|row| row / ny);
         progress.check()?;
         let table: Vec<u8> = (0..=255u32).map(|s| (f64::from(s).sqrt() * f64::from(STEPS)) as u8).collect();
-        steps.par_chunks_mut(nx).for_each(|row| row.iter_mut().for_each(|s| *s = table[usize::from(*s)]));
+        let layer = 64 * (self.tiles.x * self.tiles.y) as usize;
+        let mut steps = vec![0; layer * nz.div_ceil(4)];
+        steps.par_chunks_mut(layer).enumerate().for_each(|(tile_z, layer)| {
+            let z0 = 4 * tile_z as i32;
+            for z in z0..(z0 + 4).min(self.size.z) {
+                for y in 0..self.size.y {
+                    for x in 0..self.size.x {
+                        let square = squares[self.index(IVec3::new(x, y, z))];
+                        layer[self.tiled(IVec3::new(x, y, z - z0))] = table[usize::from(square)];
+                    }
+                }
+            }
+        });
         Ok(steps)
     }
 }

@@ -40,15 +40,21 @@ impl TravelTimes {
 
     /// Marches from every reached cell into those where `cost` is finite; the others keep what they have.
     ///
-    /// With `most`, cells are reached only while their length is at most that much longer than where the march began.
-    pub fn march(&mut self, raster: &Raster, cost: impl Fn(usize) -> f32, most: f32) {
+    /// With `settled`, what is reached already is not lowered any more. With `most`, cells are reached only while their length is at most that much longer than where the march began.
+    pub fn march(&mut self, raster: &Raster, cost: impl Fn(usize) -> f32, settled: bool, most: f32) {
+        let reached = |i: &usize| self.time[*i].is_finite();
+        // Where everything reached is settled, only cells with a neighbour to go to begin the march.
+        let at_front = |i: &usize| {
+            let mut around = raster.neighbours(*i).into_iter().flatten();
+            !settled || around.any(|n| !self.time[n].is_finite() && cost(n).is_finite())
+        };
         let mut heap: BinaryHeap<Entry> =
-            (0..raster.len()).filter(|&i| self.time[i].is_finite()).map(|i| entry(self.time[i], i)).collect();
+            (0..raster.len()).filter(reached).filter(at_front).map(|i| entry(self.time[i], i)).collect();
         // How far a cell lies from where the march began.
         let mut gone = vec![0.0f32; raster.len()];
-        let mut done = vec![false; raster.len()];
+        let mut done: Vec<bool> = self.time.iter().map(|t| settled && t.is_finite()).collect();
         while let Some(Reverse((bits, cell))) = heap.pop() {
-            if done[cell] || f32::from_bits(bits) > self.time[cell] {
+            if f32::from_bits(bits) > self.time[cell] {
                 continue;
             }
             done[cell] = true;
@@ -114,7 +120,7 @@ mod tests {
                 times.offer(i, 2.0 * d, d);
             }
         }
-        times.march(&raster, |_| 2.0, f32::INFINITY);
+        times.march(&raster, |_| 2.0, false, f32::INFINITY);
         for i in 0..raster.len() {
             let d = raster.center(i).distance(goal);
             assert!((times.length[i] - d).abs() < 0.03 + 0.02 * d, "{} for {d}", times.length[i]);
@@ -130,7 +136,7 @@ mod tests {
         let goal = raster.index_at(Vec2::new(3.0, 0.5)).unwrap();
         times.offer(goal, 0.0, 0.0);
         let wall = |i: usize| (raster.center(i).x - 2.0).abs() < 0.03 && raster.center(i).y < 3.0;
-        times.march(&raster, |i| if wall(i) { f32::INFINITY } else { 1.0 }, f32::INFINITY);
+        times.march(&raster, |i| if wall(i) { f32::INFINITY } else { 1.0 }, false, f32::INFINITY);
         let start = raster.index_at(Vec2::new(1.0, 0.5)).unwrap();
         let expected = 2.0 * (1f32 + 2.5 * 2.5).sqrt();
         assert!((times.length[start] - expected).abs() < 0.05 * expected, "{}", times.length[start]);

@@ -84,6 +84,12 @@ impl SceneSettings {
                 "The scene settings blocked_clearance, narrow_clearance and free_clearance must rise in this order.",
             ));
         }
+        if self.max_cells < 1000 {
+            return Err(Error::input(format!(
+                "The scene setting max_cells must be at least 1000, and is {}.",
+                self.max_cells
+            )));
+        }
         if !(self.carpet_height >= 0.0 && self.carpet_height.is_finite()) {
             return Err(Error::input("The scene setting carpet_height must not be negative."));
         }

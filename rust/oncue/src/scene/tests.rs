@@ -493,3 +493,61 @@ fn tasks_that_cannot_be_done_are_named() {
         "{error}"
     );
 }
+
+/// Bumpy ground of 2 × 90,000 small triangles, and four giant ones through it: several chunks, and cut triangles.
+fn large_mesh() -> Mesh {
+    let mut mesh = Mesh::default();
+    let n = 300;
+    for y in 0..=n {
+        for x in 0..=n {
+            let (x, y) = (x as f32 * 0.02, y as f32 * 0.02);
+            mesh.positions.push(Vec3::new(
+                x,
+                y,
+                0.3 * (3.1 * x).sin() * (2.3 * y).cos() + 0.02 * (40.0 * x * y).sin(),
+            ));
+        }
+    }
+    for y in 0..n {
+        for x in 0..n {
+            let a = y * (n + 1) + x;
+            mesh.triangles.extend([[a, a + 1, a + n + 1], [a + 1, a + n + 2, a + n + 1]]);
+        }
+    }
+    mesh.floor(Vec2::splat(-20.0), Vec2::splat(30.0), 0.01).quad(
+        Vec3::new(2.9, -9.0, -5.0),
+        Vec3::new(3.2, 9.0, -5.0),
+        Vec3::new(3.2, 9.0, 5.0),
+        Vec3::new(2.9, -9.0, 5.0),
+    )
+}
+
+#[test]
+fn chunks_and_cut_triangles_lose_and_double_nothing() {
+    let mesh = large_mesh();
+    let corners = mesh.corners();
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| mesh.build().unwrap())
+    };
+    let (one, two) = (on(1), on(2));
+    let mut scratch = Scratch::default();
+    let (mut total, mut ruled_out) = (0, 0);
+    for i in 0..60 {
+        let k = i as f32;
+        let node = BODY_BOXES[i % BODY_BOXES.len()];
+        let place =
+            Vec3::new(3.0 + 2.9 * (0.7 * k).sin(), 3.0 + 2.9 * (1.3 * k).cos(), 0.6 * (0.9 * k).sin());
+        let turn = Quat::from_scaled_axis(Vec3::new(k.sin(), (2.0 * k).cos(), (3.0 * k).sin()) * 2.0);
+        let placed = OrientedBox::of_node(&node, place, turn);
+        let expected: u32 =
+            corners.iter().map(|t| crossings(&placed, t, ALL_EDGES, f32::NEG_INFINITY).count_ones()).sum();
+        assert_eq!(one.intersection_count(&node, place, turn), expected);
+        assert_eq!(two.intersection_count(&node, place, turn), expected);
+        assert_eq!(two.tree.count_portable(&placed, f32::NEG_INFINITY, &mut scratch), expected);
+        ruled_out += u32::from(one.is_clear(&placed, f32::NEG_INFINITY));
+        total += expected;
+    }
+    // The comparison is worth something: many crossings, and some boxes that the field alone decides.
+    assert!(total > 100 && ruled_out > 3, "{total} crossings, {ruled_out} boxes ruled out");
+}

@@ -80,8 +80,7 @@ impl TriangleTree {
     pub fn build(triangles: &[[Vec3; 3]], progress: &Progress) -> Result<Self> {
         let references = references(triangles);
         progress.check()?;
-        let chunks = halve(references);
-        progress.check()?;
+        let chunks = halve(references, progress)?;
         let parts = chunks
             .into_par_iter()
             .map(|chunk| {
@@ -503,19 +502,20 @@ fn references(triangles: &[[Vec3; 3]]) -> Vec<Reference> {
 }
 
 /// Halves the references about the median of their centres along the longest side, until each part is a chunk.
-fn halve(mut references: Vec<Reference>) -> Vec<Vec<Reference>> {
+fn halve(mut references: Vec<Reference>, progress: &Progress) -> Result<Vec<Vec<Reference>>> {
+    progress.check()?;
     if references.len() <= CHUNK {
-        return vec![references];
+        return Ok(vec![references]);
     }
     let center = |r: &Reference| r.aabb.min + r.aabb.max;
-    let (lo, hi) = references.iter().fold((center(&references[0]), center(&references[0])), |(lo, hi), r| {
-        (lo.min(center(r)), hi.max(center(r)))
-    });
+    let first = center(&references[0]);
+    let (lo, hi) = references.iter().map(center).fold((first, first), |(lo, hi), c| (lo.min(c), hi.max(c)));
     let axis = Vec3::from(hi - lo).max_position();
     let middle = references.len() / 2;
     references.select_nth_unstable_by(middle, |a, b| center(a)[axis].total_cmp(&center(b)[axis]));
     let upper = references.split_off(middle);
-    let (mut lower, upper) = rayon::join(|| halve(references), || halve(upper));
-    lower.extend(upper);
-    lower
+    let (lower, upper) = rayon::join(|| halve(references, progress), || halve(upper, progress));
+    let mut chunks = lower?;
+    chunks.extend(upper?);
+    Ok(chunks)
 }
