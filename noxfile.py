@@ -304,7 +304,7 @@ def fixtures(session: nox.Session) -> None:
 
 @nox.session
 def window(session: nox.Session) -> None:
-    """The button, pressed with the mouse in the real program, which is put into `.nox/debian-13-blender` (needs root)."""
+    """The button, pressed with the mouse in the real program, put into `.nox/debian-13-blender` (needs root)."""
     archive = build_extension(session, build_wheel(session))
     python = blender_environment(session, blenders(session)[-1])
     root = os.environ.get("ONCUE_WINDOW_ROOT", str(ENVIRONMENTS / "debian-13-blender"))

@@ -8,6 +8,7 @@ Open Motion Project by ACCAD / The Ohio State University (CC BY 3.0).
 """
 
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ def axis_rotation(axis: str, angle: np.ndarray) -> np.ndarray:
 
 
 def joint_positions(path: Path) -> tuple[dict[str, np.ndarray], float]:
-    """Joint positions (frames, 3) by name, metres with Z up (the file is in centimetres with Y up), and frames a second."""
+    """Joint positions (frames, 3) by name, metres, Z up, and frames a second. The file has centimetres, Y up."""
     words = path.read_text(errors="replace").split()
     joints: list[list] = []
     stack: list[int] = []
@@ -74,15 +75,31 @@ def joint_positions(path: Path) -> tuple[dict[str, np.ndarray], float]:
             rotation = turn[parent] @ rotation
         place.append(position)
         turn.append(rotation)
-    z_up = lambda p: np.stack([p[:, 0], -p[:, 2], p[:, 1]], 1) / 100.0
-    return {joint[0]: z_up(p) for joint, p in zip(joints, place)}, 1.0 / seconds
+    z_up = [np.stack([p[:, 0], -p[:, 2], p[:, 1]], 1) / 100.0 for p in place]
+    return {joint[0]: p for joint, p in zip(joints, z_up, strict=True)}, 1.0 / seconds
+
+
+#: A limb's joints, by what they are called here.
+LIMB = {
+    "hip": "UpLeg",
+    "knee": "Leg",
+    "ankle": "Foot",
+    "ball": "ToeBase",
+    "shoulder": "Arm",
+    "elbow": "ForeArm",
+    "wrist": "Hand",
+}
+
+
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Scalar products of rows, (frames,)."""
+    return (a * b).sum(1)
 
 
 def strides(path: Path) -> list[tuple[float, dict[str, np.ndarray]]]:
     """(speed in m/s, curves of PARTS values) of each straight stride of either leg."""
     joints, rate = joint_positions(path)
-    side = lambda s: {k: joints[s + n] for k, n in dict(hip="UpLeg", knee="Leg", ankle="Foot", ball="ToeBase", shoulder="Arm", elbow="ForeArm", wrist="Hand").items()}
-    legs = side("Left"), side("Right")
+    legs = [{ours: joints[side + theirs] for ours, theirs in LIMB.items()} for side in ("Left", "Right")]
     pelvis = 0.5 * (legs[0]["hip"] + legs[1]["hip"])
     frames = len(pelvis)
     window = int(0.5 * rate)
@@ -93,16 +110,22 @@ def strides(path: Path) -> list[tuple[float, dict[str, np.ndarray]]]:
     speed = np.linalg.norm(velocity, axis=1)
     ahead = velocity / (speed[:, None] + 1e-9)
     left = np.stack([-ahead[:, 1], ahead[:, 0], 0 * speed], 1)
-    dot = lambda a, b: (a * b).sum(1)
-    swing = lambda v: np.degrees(np.arctan2(dot(v, ahead), -v[:, 2]))
+
+    def swing(v: np.ndarray) -> np.ndarray:
+        return np.degrees(np.arctan2(dot(v, ahead), -v[:, 2]))
+
+    def turn(v: np.ndarray) -> np.ndarray:
+        return np.degrees(np.arctan2(-dot(v, ahead), dot(v, left)))
+
     out = []
     for me, other, sign in ((legs[0], legs[1], 1), (legs[1], legs[0], -1)):
         reach = dot(me["ankle"] - pelvis, ahead)
         near = int(0.3 * rate)
-        strikes = [i for i in range(near // 2, frames - near // 2) if reach[i] > 0.15 and reach[i] == reach[max(0, i - near) : i + near].max()]
+        inside = range(near // 2, frames - near // 2)
+        farthest = [i for i in inside if reach[i] == reach[max(0, i - near) : i + near].max()]
+        strikes = [i for i in farthest if reach[i] > 0.15]
         across = (me["hip"] - other["hip"]) * sign
         shoulders = (me["shoulder"] - other["shoulder"]) * sign
-        turn = lambda v: np.degrees(np.arctan2(-dot(v, ahead), dot(v, left))) * sign
         foot = me["ball"] - me["ankle"]
         curves = {
             "thigh": swing(me["knee"] - me["hip"]),
@@ -113,13 +136,13 @@ def strides(path: Path) -> list[tuple[float, dict[str, np.ndarray]]]:
             "ankle ahead": 100 * reach,
             "ankle aside": 100 * sign * dot(me["ankle"] - pelvis, left),
             "pelvis height": 100 * pelvis[:, 2],
-            "pelvis turn": turn(across),
-            "pelvis list": np.degrees(np.arctan2((me["hip"] - other["hip"])[:, 2], np.linalg.norm(across[:, :2], axis=1))),
-            "shoulder turn": turn(shoulders),
+            "pelvis turn": sign * turn(across),
+            "pelvis list": np.degrees(np.arctan2(sign * across[:, 2], np.linalg.norm(across[:, :2], axis=1))),
+            "shoulder turn": sign * turn(shoulders),
             "upper arm": swing(me["elbow"] - me["shoulder"]),
             "forearm": swing(me["wrist"] - me["elbow"]),
         }
-        for a, b in zip(strikes, strikes[1:]):
+        for a, b in pairwise(strikes):
             if not 0.8 < (b - a) / rate < 1.7:
                 continue
             if np.degrees(np.ptp(np.unwrap(np.arctan2(ahead[a:b, 1], ahead[a:b, 0])))) > STRAIGHT:

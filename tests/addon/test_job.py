@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-#: A tenth of a second is the aim; preparing the motion library is one step that is not broken off, and machines are loaded.
+#: A fifth of a second is the aim; machines are loaded.
 STOPS_WITHIN = 5.0
 
 
