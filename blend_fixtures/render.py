@@ -35,6 +35,8 @@ GRADE = np.array([(0.06, 0.20, 0.62), (0.05, 0.45, 0.45), (0.55, 0.50, 0.08), (0
 #: What blocks the view is cut off this high over the floor; nothing is shown above the ceiling's height. Metres.
 STUMP, CEILING = 0.25, 2.3
 LENS = 40.0
+#: Nearer to the end than this the picture shows the last posture only, metres.
+APART = 0.7
 
 
 @dataclass
@@ -225,7 +227,7 @@ def grade(part: float) -> np.ndarray:
 
 def add_ghosts(scene: bpy.types.Scene, walk: Walk, count: int) -> None:
     """Copies of the figure at `count` moments, coloured by time; the figure itself is hidden."""
-    for frame in walk.moments(count, apart=0.6):
+    for frame in walk.moments(count, apart=APART):
         scene.frame_set(int(frame))
         depsgraph = bpy.context.evaluated_depsgraph_get()
         color = grade((frame - walk.frames[0]) / max(walk.frames[-1] - walk.frames[0], 1))
@@ -294,10 +296,25 @@ def overview(walk: Walk, aspect: float) -> tuple[Vector, Vector]:
         towards = Vector((math.cos(azimuth) * math.cos(height), math.sin(azimuth) * math.cos(height), math.sin(height)))
         place = target + towards * _distance(corners, target, towards, aspect)
         hidden = sum(_hidden(scene, depsgraph, Vector(p), towards) for p in (*walk.roots[::6], *(walk.heads[::6])))
-        cost = hidden + abs(turn) * 0.02
+        cost = hidden + 4 * _in_front_of_the_end(walk, azimuth) + 2 * _lined_up(walk, azimuth) + abs(turn) * 0.02
         if best is None or cost < best[0]:
             best = (cost, place)
     return best[1], target
+
+
+def _in_front_of_the_end(walk: Walk, azimuth: float) -> int:
+    """How many postures on the way would cover the last one, seen from this azimuth."""
+    towards = np.array([math.cos(azimuth), math.sin(azimuth)])
+    away = walk.roots[::8, :2] - walk.roots[-1, :2]
+    ahead, aside = away @ towards, np.abs(away @ np.array([-towards[1], towards[0]]))
+    return int(((np.linalg.norm(away, axis=1) > APART) & (ahead > 0.0) & (ahead < 2.2) & (aside < 0.5)).sum())
+
+
+def _lined_up(walk: Walk, azimuth: float) -> int:
+    """How many of the shown postures stand one behind the other, seen from this azimuth."""
+    places = walk.roots[walk.moments(8, apart=APART) - walk.frames[0], :2]
+    aside = places @ np.array([-math.sin(azimuth), math.cos(azimuth)])
+    return int((np.abs(np.diff(aside)) < 0.3).sum())
 
 
 def _distance(corners: np.ndarray, target: Vector, towards: Vector, aspect: float) -> float:
@@ -365,7 +382,7 @@ def sheet(blend: Path, out: Path, views: list[str], count: int = 10) -> None:
         for view in sorted(views, key=lambda v: v == "overview"):
             if view == "overview":
                 open_room(scene, walk, place)
-            frames = walk.frames[-min(len(walk.frames), 75) :] if view == "seat" else walk.frames
+            frames = walk.frames[-min(len(walk.frames), 120) :] if view == "seat" else walk.frames
             chosen = np.unique(np.linspace(0, len(frames) - 1, count).astype(int)) if view == "seat" else None
             shown = frames[chosen] if chosen is not None else walk.moments(count)
             row = []
