@@ -1,0 +1,99 @@
+"""What runs inside the real Blender: makes the scene, opens the sidebar, writes down what it sees ten times a second.
+
+`blender -b … -P in_blender.py -- make SCENE FILE` makes a task scene; with a window and no arguments it watches.
+"""
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import bpy
+
+HERE = Path(__file__).resolve().parent
+STATE = Path("/tmp/oncue-window/state.jsonl")
+#: A colour that nothing else in the window has, for finding the buttons: red, green, blue of 0..1.
+BUTTON_COLOR = (0.05, 0.42, 0.62, 1.0)
+#: A budget that takes some seconds, so that there is something to see and to cancel.
+BUDGET = {"ppo": {"updates": 2, "tuples": 6000, "seconds": 1e6}, "kept": {"rollouts": 64, "rounds": 1}}
+
+
+def extension(name):
+    import importlib
+
+    return importlib.import_module(f"bl_ext.user_default.oncue.{name}")
+
+
+def make(name, path):
+    sys.path.insert(0, str(HERE.parent / "blend_fixtures"))
+    import make_fixtures
+
+    make_fixtures.SCENES[name]()
+    bpy.context.scene.oncue.overrides = json.dumps(BUDGET)
+    make_fixtures.save(Path(path))
+
+
+def open_sidebar():
+    """The 3D view over the whole window, its sidebar on Oncue, buttons in a colour of their own."""
+    window = bpy.context.window_manager.windows[0]
+    area = max((a for a in window.screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width * a.height)
+    space = area.spaces.active
+    space.show_region_ui = True
+    space.shading.type, space.shading.color_type = "SOLID", "MATERIAL"
+    theme = bpy.context.preferences.themes[0].user_interface.wcol_tool
+    theme.inner, theme.inner_sel = BUTTON_COLOR, BUTTON_COLOR
+    theme.show_shaded = False
+    view = next(r for r in area.regions if r.type == "WINDOW")
+    with bpy.context.temp_override(window=window, area=area, region=view):
+        bpy.ops.view3d.view_all(center=False)
+    from mathutils import Euler
+
+    space.region_3d.view_rotation = Euler((0.95, 0.0, 0.55)).to_quaternion()
+    return next(r for r in area.regions if r.type == "UI")
+
+
+def watch():
+    STATE.parent.mkdir(parents=True, exist_ok=True)
+    state = STATE.open("w", buffering=1)
+    sidebar, last = None, time.time()
+
+    def tick():
+        nonlocal sidebar, last
+        now = time.time()
+        if sidebar is None:
+            sidebar = open_sidebar()
+            return 0.5
+        if sidebar.active_panel_category != "Oncue":
+            try:
+                sidebar.active_panel_category = "Oncue"
+            except TypeError:  # the tabs are there once the sidebar was drawn
+                return 0.2
+            sidebar.tag_redraw()
+        handle = extension("job_operator").handle
+        run = handle.run
+        progress = run.progress() if run else None
+        line = {
+            "time": now,
+            "gap": now - last,
+            "at_work": run is not None,
+            "stage": progress.stage if progress else "",
+            "fraction": progress.fraction if progress else 0.0,
+            "message": handle.message,
+            "tab": sidebar.active_panel_category,
+            "actions": sorted(a.name for a in bpy.data.actions),
+            "objects": len(bpy.data.objects),
+            "frame_end": bpy.context.scene.frame_end,
+        }
+        state.write(json.dumps(line) + "\n")
+        last = now
+        return 0.1
+
+    bpy.app.timers.register(tick, persistent=True)
+
+
+if __name__ == "__main__":
+    rest = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
+    if rest[:1] == ["make"]:
+        make(*rest[1:])
+    else:
+        watch()

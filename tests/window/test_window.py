@@ -1,0 +1,202 @@
+"""The button in the real program, pressed with the mouse: one run to its end, undo, one run cancelled with Esc.
+
+Needs ONCUE_EXTENSION (the extension's archive) and root, for a Debian with Blender; see blender_root.py.
+The screenshots are in out/window/.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from .blender_root import Unavailable, blender_root
+
+ROOT = Path(__file__).parents[2]
+PICTURES = ROOT / "out" / "window"
+WIDTH, HEIGHT, DISPLAY = 1280, 800, ":77"
+#: The theme's colour of the buttons, see in_blender.py, as the screen shows it.
+BUTTON_COLOR = (13, 107, 158)
+#: The promise is 0.2 s; this allows for the watcher's own tenth and a loaded machine.
+ESCAPES_WITHIN = 2.0
+
+
+class Desktop:
+    """An X server without a screen, Blender on it, and the mouse and keyboard."""
+
+    def __init__(self, root: Path) -> None:
+        self.root, self.processes = root, []
+        self.state = root / "tmp/oncue-window/state.jsonl"
+
+    def command(self, *words: str) -> list[str]:
+        environment = [f"DISPLAY={DISPLAY}", "LIBGL_ALWAYS_SOFTWARE=1", "HOME=/root"]
+        environment.append("BLENDER_USER_RESOURCES=/tmp/oncue-window/resources")
+        return ["chroot", str(self.root), "env", *environment, *words]
+
+    def do(self, *words: str, timeout: float = 120) -> str:
+        done = subprocess.run(self.command(*words), capture_output=True, text=True, timeout=timeout, check=False)
+        assert done.returncode == 0, f"{' '.join(words)}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+        return done.stdout
+
+    def start(self, *words: str) -> subprocess.Popen:
+        log = (PICTURES / f"{words[0]}.log").open("w")
+        process = subprocess.Popen(self.command(*words), stdout=log, stderr=log, start_new_session=True)
+        self.processes.append(process)
+        return process
+
+    def stop(self) -> None:
+        for process in reversed(self.processes):
+            process.terminate()
+        for process in reversed(self.processes):
+            try:
+                process.wait(10)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait(10)
+
+    # --- seeing and touching ------------------------------------------------------------------------------------------
+
+    def screenshot(self, name: str) -> None:
+        self.do("import", "-window", "root", f"/tmp/oncue-window/{name}.png")
+        shutil.copy2(self.root / f"tmp/oncue-window/{name}.png", PICTURES / f"{name}.png")
+
+    def button(self) -> tuple[int, int]:
+        """The middle of the tallest button, which is Synthesize."""
+        self.do("import", "-window", "root", "-depth", "8", "rgb:/tmp/oncue-window/screen.rgb")
+        pixels = (self.root / "tmp/oncue-window/screen.rgb").read_bytes()
+        rows: list[tuple[int, int, int]] = []
+        for y in range(HEIGHT):
+            line = pixels[y * WIDTH * 3 : (y + 1) * WIDTH * 3]
+            xs = [
+                x
+                for x in range(WIDTH // 2, WIDTH)
+                if all(abs(line[3 * x + c] - BUTTON_COLOR[c]) < 12 for c in range(3))
+            ]
+            if len(xs) > 60:
+                rows.append((y, xs[0], xs[-1]))
+        blocks: list[list[tuple[int, int, int]]] = []
+        for row in rows:
+            if blocks and row[0] == blocks[-1][-1][0] + 1:
+                blocks[-1].append(row)
+            else:
+                blocks.append([row])
+        assert blocks, "no button of the theme's colour is on the screen"
+        tallest = max(blocks, key=len)
+        middle = tallest[len(tallest) // 2]
+        return (middle[1] + middle[2]) // 2, middle[0]
+
+    def click(self, x: int, y: int) -> None:
+        # Blender looks at where the mouse was before: it must come from somewhere.
+        self.do("xdotool", "mousemove", str(x - 6), str(y - 3), "sleep", "0.2", "mousemove", str(x), str(y))
+        self.do("xdotool", "sleep", "0.3", "click", "1")
+
+    def key(self, name: str) -> float:
+        """Presses a key over the middle of the view; when."""
+        self.do("xdotool", "mousemove", str(WIDTH // 3), str(HEIGHT // 2), "sleep", "0.2")
+        pressed = time.time()
+        self.do("xdotool", "key", name)
+        return pressed
+
+    def states(self) -> list[dict]:
+        if not self.state.exists():
+            return []
+        return [json.loads(line) for line in self.state.read_text().splitlines() if line.endswith("}")]
+
+    def until(self, what: str, test, timeout: float = 120.0, since: float = 0.0) -> dict:
+        """The first state written after `since` that passes `test`."""
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            for state in self.states():
+                if state["time"] > since and test(state):
+                    return state
+            assert all(p.poll() is None for p in self.processes), "Blender or the X server ended"
+            time.sleep(0.1)
+        raise AssertionError(f"{what} did not come; last seen: {self.states()[-1:]}")
+
+
+@pytest.fixture(scope="module")
+def desktop():
+    archive = os.environ.get("ONCUE_EXTENSION")
+    if not archive:
+        pytest.skip("ONCUE_EXTENSION does not name the extension's archive")
+    try:
+        root = blender_root()
+    except Unavailable as reason:
+        pytest.skip(f"no real Blender here: {reason}")
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    work = root / "tmp/oncue-window"
+    shutil.rmtree(work, ignore_errors=True)
+    work.mkdir(parents=True)
+    for folder in ("addon", "blend_fixtures", "tests/window"):
+        target = work / "sources" / Path(folder).name
+        shutil.copytree(ROOT / folder, target, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy2(archive, work / "oncue.zip")
+
+    here = Desktop(root)
+    inside = "/tmp/oncue-window"
+    install = ["--command", "extension", "install-file", "-r", "user_default", "--enable", f"{inside}/oncue.zip"]
+    here.do("blender", *install)
+    script = f"{inside}/sources/window/in_blender.py"
+    made = ["--", "make", "demo_room", f"{inside}/scene.blend"]
+    here.do("blender", "-b", "--python-exit-code", "1", "-P", script, *made)
+    try:
+        here.start("Xvfb", DISPLAY, "-screen", "0", f"{WIDTH}x{HEIGHT}x24", "+extension", "GLX", "-noreset")
+        time.sleep(2)
+        here.start("openbox")
+        geometry = ["--window-geometry", "0", "0", str(WIDTH), str(HEIGHT)]
+        here.start("blender", *geometry, f"{inside}/scene.blend", "-P", script)
+        here.until("the sidebar", lambda s: s["tab"] == "Oncue", timeout=180)
+        time.sleep(2)
+        yield here
+    finally:
+        here.stop()
+
+
+def test_the_button_with_the_mouse(desktop):
+    desktop.screenshot("window-ready")
+    before = desktop.states()[-1]
+    assert before["actions"] == []
+
+    # One run to its end, with progress on the way.
+    desktop.click(*desktop.button())
+    began = desktop.until("the run", lambda s: s["at_work"])
+    desktop.until("progress", lambda s: s["at_work"] and s["stage"] == "Optimizing" and s["fraction"] > 0.0)
+    desktop.screenshot("window-progress")
+    done = desktop.until("the result", lambda s: not s["at_work"] and s["actions"], timeout=600, since=began["time"])
+    assert done["message"] == ""
+    assert done["objects"] == before["objects"] + 2
+    assert done["frame_end"] > before["frame_end"]
+    working = [s for s in desktop.states() if s["at_work"]]
+    assert len({s["stage"] for s in working}) >= 3
+    print(f"longest gap between two ticks of the window while it ran: {max(s['gap'] for s in working):.2f} s")
+    time.sleep(2)
+    desktop.screenshot("window-result")
+
+    # It is one undo step.
+    pressed = desktop.key("ctrl+z")
+    undone = desktop.until("the undo", lambda s: not s["actions"], timeout=20, since=pressed)
+    assert undone["objects"] == before["objects"]
+    pressed = desktop.key("ctrl+shift+z")
+    desktop.until("the redo", lambda s: s["actions"] == done["actions"], timeout=20, since=pressed)
+
+
+def test_escape_cancels_and_leaves_the_file_as_it_was(desktop):
+    time.sleep(1)
+    before = desktop.states()[-1]
+    assert not before["at_work"]
+    x, y = desktop.button()
+    pressed = time.time()
+    desktop.click(x, y)
+    desktop.until("the run", lambda s: s["at_work"] and s["stage"] == "Optimizing", since=pressed)
+    escaped = desktop.key("Escape")
+    stopped = desktop.until("the cancel", lambda s: not s["at_work"], timeout=20, since=escaped)
+    print(f"stopped {stopped['time'] - escaped:.2f} s after Esc (seen by a watcher that looks ten times a second)")
+    assert stopped["time"] - escaped < ESCAPES_WITHIN
+    assert "as it was" in stopped["message"]
+    for what in ("actions", "objects", "frame_end"):
+        assert stopped[what] == before[what]
+    time.sleep(1)
+    desktop.screenshot("window-cancelled")
