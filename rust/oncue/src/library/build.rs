@@ -262,7 +262,8 @@ fn make_clip(
     let mut sampler = Sampler::new(file, &survey.table, up_axis(own))?;
     // Each take has its own floor, but one capture room tends to tilt alike.
     sampler.set_floor(survey.sums.floor.slope(group.floor.slope(Vec2::ZERO)));
-    let mut motion = retarget::retarget(&mut sampler, &Calibration::from_sums(group)?);
+    let mut motion =
+        retarget::retarget(&mut sampler, &Calibration::from_sums(&survey.sums.with_group(group))?);
     if motion.len() < SHORTEST_CLIP {
         return Err("it is shorter than half a second.".into());
     }

@@ -220,6 +220,31 @@ impl Sums {
     }
 }
 
+/// How many flat-footed frames, and how much bending, the group's measure counts for beside a file's own.
+const FOOT_PRIOR: f64 = 6.0;
+const HINGE_PRIOR: f64 = 3.0;
+
+impl Sums {
+    /// The sums that a file is calibrated by: the group's for trunk and head, so that one stooping take is not
+    /// straightened; its own for feet and hinges, which sit differently from session to session, with the group's
+    /// to fall back on.
+    pub fn with_group(&self, group: &Sums) -> Sums {
+        let mut out = group.clone();
+        for joint in [LeftFoot, LeftToe, RightFoot, RightToe] {
+            let (own, group) = (&self.frames[joint.index()], &group.frames[joint.index()]);
+            let share = FOOT_PRIOR / group[2].length().max(1e-9);
+            out.frames[joint.index()] = [0, 1, 2].map(|i| own[i] + group[i] * share);
+        }
+        for joint in HINGES.into_iter().flat_map(|[first, second, _]| [first, second]) {
+            let i = joint.index();
+            let share = HINGE_PRIOR / group.hinges[i].length().max(1e-9);
+            out.hinges[i] = self.hinges[i] + group.hinges[i] * share;
+            out.bones[i] = self.bones[i];
+        }
+        out
+    }
+}
+
 /// Thigh and shin, upper arm and forearm of each side, with the end of the second bone.
 const HINGES: [[Joint; 3]; 4] = [
     [LeftUpLeg, LeftLeg, LeftFoot],

@@ -10,9 +10,9 @@ const LAND_HEIGHT: f32 = 0.03;
 /// … and this far while it stays.
 const STAY_HEIGHT: f32 = 0.05;
 /// It is slower than this when it lands, metres a second …
-const LAND_SPEED: f32 = 0.30;
+const LAND_SPEED: f32 = 0.40;
 /// … and than this while it stays.
-const STAY_SPEED: f32 = 0.50;
+const STAY_SPEED: f32 = 0.60;
 /// It stays within this distance of where it is planted, metres: a slow shuffle is no plant.
 const STAY_RADIUS: f32 = 0.04;
 /// A sole within this distance of the floor is near it (c = 0.5), metres.

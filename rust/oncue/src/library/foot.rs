@@ -3,6 +3,7 @@
 use glam::{Mat3, Quat, Vec3};
 
 use super::contact::runs;
+use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::{ANKLE_HEIGHT, HEEL_LENGTH, JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT, TOE_LENGTH};
 use crate::motion::{Joint, Motion, Pose, Posture};
 
@@ -16,6 +17,8 @@ pub const LEGS: [[Joint; 4]; 2] = [
 const REACH: f32 = 2.0 * LEG_LENGTH * 0.9997;
 /// The root comes down as far as a planted leg needs to stay within this.
 const EASY_REACH: f32 = 2.0 * LEG_LENGTH * 0.9990;
+/// Toes bend up at most so far from the foot, radians.
+const MOST_TOE_BEND: f32 = 1.0;
 /// Corrections of a planted foot fade in and out over this many frames.
 const BLEND: f32 = 8.0;
 
@@ -130,36 +133,67 @@ fn foot_targets(poses: &[Pose], planted: &[bool], side: usize) -> Vec<FootTarget
             *out = before * fade_out + after * fade_in;
         }
     }
+    let balls: Vec<Vec3> = (0..poses.len())
+        .map(|f| {
+            let ball = toes[f] + shift[f];
+            Vec3::new(ball.x, ball.y, ball.z.max(TOE_HEIGHT))
+        })
+        .collect();
+    let heel_arm = Vec3::new(0.0, HEEL_LENGTH, -ANKLE_HEIGHT) - JOINT_OFFSET[toe.index()];
+    let tip_arm = Vec3::new(0.0, -TOE_LENGTH, -TOE_HEIGHT);
+    let turn = |rotation: Quat, angle: f32| rotation * Quat::from_rotation_x(angle);
+    let turned = |rotations: &[Quat], angles: &[f32], sign: f32| -> Vec<Quat> {
+        rotations.iter().zip(angles).map(|(&q, &angle)| turn(q, sign * angle)).collect()
+    };
+    // A planted heel that hovers a little is set down (captured feet are never quite flat); then heels and toes
+    // that would go through the floor turn up about the ball. All angles are eased, so nothing snaps.
+    let feet: Vec<Quat> = poses.iter().map(|p| p.rotation(foot)).collect();
+    let hover: Vec<f32> = (0..poses.len())
+        .map(|f| {
+            let arm = feet[f] * heel_arm;
+            let height = balls[f].z + arm.z;
+            let kept = smoothstep((height - 0.015) / 0.04);
+            if planted[f] { (height * (1.0 - kept)).max(0.0) / arm.truncate().length().max(0.1) } else { 0.0 }
+        })
+        .collect();
+    let feet = turned(&feet, &smooth(&hover, 4), -1.0);
+    let needed = |rotations: &[Quat], arm: Vec3, sign: f32| -> Vec<f32> {
+        let lifts: Vec<f32> =
+            rotations.iter().zip(&balls).map(|(&q, ball)| lift_angle(ball.z, q, arm, sign)).collect();
+        smooth(&widen(&lifts, 2), 2)
+    };
+    let feet = turned(&feet, &needed(&feet, heel_arm, 1.0), 1.0);
+    // Toes are a hinge: captured ones twist and jitter.
+    let bends: Vec<f32> = poses
+        .iter()
+        .map(|p| {
+            let local = p.rotation(foot).inverse() * p.rotation(toe);
+            wrap_angle(2.0 * local.x.atan2(local.w)).clamp(-MOST_TOE_BEND, 0.3)
+        })
+        .collect();
+    let toe_rotations = turned(&feet, &smooth(&bends, 4), 1.0);
+    let toe_rotations = turned(&toe_rotations, &needed(&toe_rotations, tip_arm, -1.0), -1.0);
     (0..poses.len())
-        .map(|frame| {
-            let pose = &poses[frame];
-            let mut rotation = pose.rotation(foot);
-            let mut toe_rotation = pose.rotation(toe);
-            let mut ball = toes[frame] + shift[frame];
-            // The ball never under the floor; then the heel, by turning the foot about the ball.
-            ball.z = ball.z.max(TOE_HEIGHT);
-            let heel_arm = Vec3::new(0.0, HEEL_LENGTH, -ANKLE_HEIGHT) - JOINT_OFFSET[toe.index()];
-            for _ in 0..3 {
-                let arm = rotation * heel_arm;
-                if ball.z + arm.z > -1e-4 {
-                    break;
-                }
-                let lift = (-(ball.z + arm.z) / arm.truncate().length().max(0.08)).min(0.4);
-                rotation = Quat::from_axis_angle((rotation * Vec3::X).normalize(), lift) * rotation;
-            }
-            // The toes bend up rather than into the floor.
-            for _ in 0..4 {
-                let arm = toe_rotation * Vec3::new(0.0, -TOE_LENGTH, -TOE_HEIGHT);
-                if ball.z + arm.z > -1e-4 {
-                    break;
-                }
-                let lift = (-(ball.z + arm.z) / arm.truncate().length().max(0.03)).min(0.4);
-                toe_rotation =
-                    Quat::from_axis_angle((toe_rotation * Vec3::X).normalize(), -lift) * toe_rotation;
-            }
-            FootTarget { ankle: ball - rotation * JOINT_OFFSET[toe.index()], rotation, toe_rotation }
+        .map(|f| FootTarget {
+            ankle: balls[f] - feet[f] * JOINT_OFFSET[toe.index()],
+            rotation: feet[f],
+            toe_rotation: toe_rotations[f],
         })
         .collect()
+}
+
+/// The angle about the joint's own X axis (times `sign`) that brings the end of `arm` up to the floor.
+fn lift_angle(ball_height: f32, rotation: Quat, arm: Vec3, sign: f32) -> f32 {
+    let mut lift = 0.0;
+    for _ in 0..5 {
+        let reach = rotation * (Quat::from_rotation_x(sign * lift) * arm);
+        let under = -(ball_height + reach.z);
+        if under < 1e-4 {
+            break;
+        }
+        lift += (under / reach.truncate().length().max(0.04)).min(0.4);
+    }
+    lift.min(1.3)
 }
 
 /// How far a hip must come down for its ankle to be within [`EASY_REACH`].

@@ -111,8 +111,15 @@ fn signals(motion: &Motion) -> Vec<Signal> {
             let planted = motion.contacts.get(frame).map_or([false; 2], |c| c.map(|c| c == 1.0));
             let hands = Joint::HANDS.map(at);
             let raised_hand = hands.iter().any(|h| h.z > shoulders.z - 0.05);
-            let holding = hands.iter().all(|&h| ahead(h, at(Hips)) > 0.25 && h.z > at(Hips).z - 0.15)
-                && hands[0].distance(hands[1]) < 0.6;
+            // Both hands held before the body and elbows bent: arms that swing are seldom so, and never for long.
+            let reach = hands.map(|h| ahead(h, at(Hips)));
+            let bent = |upper: Joint, elbow: Joint, hand: Joint| {
+                (at(elbow) - at(upper)).angle_between(at(hand) - at(elbow)) > 0.8
+            };
+            let holding = reach.iter().all(|&r| r > 0.12)
+                && (reach[0] - reach[1]).abs() < 0.25
+                && bent(LeftArm, LeftForeArm, LeftHand)
+                && bent(RightArm, RightForeArm, RightHand);
             Signal {
                 pelvis: at(Hips),
                 speed,

@@ -10,7 +10,7 @@ use glam::{Quat, Vec3};
 
 use super::calibration::{Calibration, Sampler, UpAxis};
 use super::foot;
-use crate::motion::skeleton::{ANKLE_HEIGHT, PARENT};
+use crate::motion::skeleton::{JOINT_OFFSET, PARENT, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
 
 /// Units that files come in: name, metres. The last is cgspeed's conversion of CMU.
@@ -88,6 +88,13 @@ fn posture(s: &Sampler, c: &Calibration) -> Posture {
             _ => turned(joint).unwrap_or(global[parent]),
         };
     }
+    for (upper, lower, bone, hinge) in [
+        (Joint::LeftArm, Joint::LeftForeArm, Vec3::X, Vec3::NEG_Z),
+        (Joint::RightArm, Joint::RightForeArm, Vec3::NEG_X, Vec3::Z),
+    ] {
+        let (a, b) = (global[upper.index()], global[lower.index()]);
+        global[upper.index()] = roll_to_hinge(a, b, bone, hinge) * a;
+    }
     let middle = (s.position(Joint::LeftUpLeg).unwrap_or_default()
         + s.position(Joint::RightUpLeg).unwrap_or_default())
         / 2.0;
@@ -100,28 +107,46 @@ fn posture(s: &Sampler, c: &Calibration) -> Posture {
     posture
 }
 
-/// How far to lift the whole body, and each ankle, so that flat feet stand on z = 0.
+/// The roll about the upper arm that turns its hinge into the plane in which the elbow really bends.
 ///
-/// A flat foot is one whose ankle is still and low; each foot's own height is used, since files differ in
-/// where the ankle sits. Without such frames the lowest points of the feet decide.
+/// Captured upper arms roll with the soft tissue or not at all. A nearly straight arm shows no plane and keeps
+/// its roll, as does one that seems to bend backwards.
+fn roll_to_hinge(upper: Quat, lower: Quat, bone: Vec3, hinge: Vec3) -> Quat {
+    let along = upper * bone;
+    let bend = along.cross(lower * bone);
+    let is = upper * hinge;
+    let angle = along.dot(is.cross(bend)).atan2(is.dot(bend));
+    let ease = |t: f32| t.clamp(0.0, 1.0).powi(2) * (3.0 - 2.0 * t.clamp(0.0, 1.0));
+    let trust = ease((bend.length() - 0.1) / 0.3) * ease((2.4 - angle.abs()) / 0.8);
+    Quat::from_axis_angle(along.normalize_or(Vec3::Z), angle * trust)
+}
+
+/// How far to lift the whole body, and each ankle, so that planted feet stand on z = 0.
+///
+/// The ball of a foot keeps its height while the foot stands on it, flat or not, so the median height of still
+/// balls is the floor; each foot has its own, since files differ in where a foot's joints sit. Without such
+/// frames the lowest points of the feet decide.
 fn floor(motion: &Motion, ankles: &[[Vec3; 2]]) -> (f32, [f32; 2]) {
-    let mut still: [Vec<f32>; 2] = [Vec::new(), Vec::new()];
-    for frame in 1..ankles.len().saturating_sub(1) {
-        for side in 0..2 {
-            let speed = ankles[frame + 1][side].distance(ankles[frame - 1][side]) * FRAME_RATE / 2.0;
-            if speed < 0.15 {
-                still[side].push(ankles[frame][side].z);
-            }
-        }
-    }
-    let mut heights = [None; 2];
-    for (side, still) in still.iter_mut().enumerate() {
+    let balls: Vec<[Vec3; 2]> = motion
+        .postures
+        .iter()
+        .zip(ankles)
+        .map(|(posture, ankles)| {
+            let pose = posture.pose();
+            [0, 1].map(|side| {
+                ankles[side] + pose.rotation(Joint::FEET[side]) * JOINT_OFFSET[Joint::TOES[side].index()]
+            })
+        })
+        .collect();
+    let heights = [0, 1].map(|side| {
+        let mut still: Vec<f32> = (1..balls.len().saturating_sub(1))
+            .filter(|&f| balls[f + 1][side].distance(balls[f - 1][side]) * FRAME_RATE / 2.0 < 0.2)
+            .map(|f| balls[f][side].z)
+            .collect();
         still.sort_unstable_by(f32::total_cmp);
-        if still.len() >= 5 {
-            // The fifth part from below: still feet on a chair or mid-kneel lie higher.
-            heights[side] = Some(still[still.len() / 5]);
-        }
-    }
+        // Below the middle: still feet on a chair or in a kneel lie higher.
+        (still.len() >= 5).then(|| still[still.len() * 2 / 5])
+    });
     let lowest = || {
         let mut lows: Vec<f32> = motion
             .postures
@@ -134,16 +159,12 @@ fn floor(motion: &Motion, ankles: &[[Vec3; 2]]) -> (f32, [f32; 2]) {
         lows.sort_unstable_by(f32::total_cmp);
         -lows[lows.len() / 20]
     };
+    let to = |height: f32| TOE_HEIGHT - height;
     match heights {
+        [Some(a), Some(b)] if (a - b).abs() < 0.03 => (to((a + b) / 2.0), [to(a), to(b)]),
         // Feet that differ by more stand on different heights (a step, a kneel): trust the lower.
-        [Some(a), Some(b)] if (a - b).abs() < 0.03 => {
-            (ANKLE_HEIGHT - (a + b) / 2.0, [ANKLE_HEIGHT - a, ANKLE_HEIGHT - b])
-        }
-        [Some(a), Some(b)] => {
-            let lift = ANKLE_HEIGHT - a.min(b);
-            (lift, [lift; 2])
-        }
-        [Some(a), None] | [None, Some(a)] => (ANKLE_HEIGHT - a, [ANKLE_HEIGHT - a; 2]),
+        [Some(a), Some(b)] => (to(a.min(b)), [to(a.min(b)); 2]),
+        [Some(a), None] | [None, Some(a)] => (to(a), [to(a); 2]),
         [None, None] => {
             let lift = lowest();
             (lift, [lift; 2])
