@@ -84,22 +84,20 @@ pub fn build(paths: &[PathBuf], settings: &LibrarySettings, progress: &Progress)
 
     progress.stage("Reading motion capture");
     let surveyed = each(&files, progress, |path| survey(path, mapping.as_ref(), bytes < KEEP_BYTES))?;
-    // Files with one skeleton are calibrated together, in the order of the files.
+    // Files with one skeleton are calibrated together, in the order of the files. Their up axis is the one that
+    // most of their motion shows; a take of lying alone would show another.
     let mut groups: BTreeMap<&str, (Sums, [f64; 2])> = BTreeMap::new();
-    for s in surveyed.iter().filter_map(|s| s.as_ref().ok()) {
-        let group = groups.entry(&s.key).or_default();
-        group.1[0] += s.up_scores[0];
-        group.1[1] += s.up_scores[1];
-        if s.up_is_clear {
-            group.0.add(&s.sums);
-        }
+    let good = || surveyed.iter().filter_map(|s| s.as_ref().ok());
+    for s in good() {
+        let scores = &mut groups.entry(&s.key).or_default().1;
+        scores[0] += s.up_scores[0];
+        scores[1] += s.up_scores[1];
     }
-    // A lone file that lies or crawls still has its own measure.
-    for s in surveyed.iter().filter_map(|s| s.as_ref().ok()) {
-        if let Some(group) = groups.get_mut(s.key.as_str())
-            && group.1.iter().sum::<f64>() == 0.0
+    for s in good() {
+        if let Some((sums, scores)) = groups.get_mut(s.key.as_str())
+            && up_axis(&s.up_scores) == up_axis(scores)
         {
-            group.0.add(&s.sums);
+            sums.add(&s.sums);
         }
     }
 
@@ -208,8 +206,6 @@ struct Survey {
     sidecar: Sidecar,
     key: String,
     up_scores: [f64; 2],
-    /// The up axis is told by the sidecar or the motion.
-    up_is_clear: bool,
     sums: Sums,
 }
 
@@ -233,11 +229,10 @@ fn survey(path: &Path, mapping: Option<&JointMapping>, keep: bool) -> std::resul
         Some(UpAxis::Z) => [0.0, 1e9],
         None => calibration::up_scores(&file, &table),
     };
-    let up_is_clear = up_scores[0] + up_scores[1] > 0.0;
     let mut sampler = Sampler::new(&file, &table, up_axis(&up_scores))?;
     let sums = calibration::measure(&mut sampler);
     let key = format!("{:?};{}", sidecar.up, retarget::skeleton_key(&file));
-    Ok(Survey { file: keep.then_some(file), table, sidecar, key, up_scores, up_is_clear, sums })
+    Ok(Survey { file: keep.then_some(file), table, sidecar, key, up_scores, sums })
 }
 
 fn up_axis(scores: &[f64; 2]) -> UpAxis {
@@ -258,12 +253,18 @@ fn make_clip(
             &again
         }
     };
-    let own = if survey.up_is_clear { &survey.up_scores } else { scores };
-    let mut sampler = Sampler::new(file, &survey.table, up_axis(own))?;
+    let up = up_axis(scores);
+    let mut sampler = Sampler::new(file, &survey.table, up)?;
+    let turned;
+    let sums = if up == up_axis(&survey.up_scores) {
+        &survey.sums
+    } else {
+        turned = calibration::measure(&mut sampler);
+        &turned
+    };
     // Each take has its own floor, but one capture room tends to tilt alike.
-    sampler.set_floor(survey.sums.floor.slope(group.floor.slope(Vec2::ZERO)));
-    let mut motion =
-        retarget::retarget(&mut sampler, &Calibration::from_sums(&survey.sums.with_group(group))?);
+    sampler.set_floor(sums.floor.slope(group.floor.slope(Vec2::ZERO)));
+    let mut motion = retarget::retarget(&mut sampler, &Calibration::from_sums(&sums.with_group(group))?);
     if motion.len() < SHORTEST_CLIP {
         return Err("it is shorter than half a second.".into());
     }

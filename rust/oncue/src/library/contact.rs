@@ -15,8 +15,10 @@ const LAND_SPEED: f32 = 0.40;
 const STAY_SPEED: f32 = 0.60;
 /// It stays within this distance of where it is planted, metres: a slow shuffle is no plant.
 const STAY_RADIUS: f32 = 0.04;
-/// A sole within this distance of the floor is near it (c = 0.5), metres.
-const NEAR_HEIGHT: f32 = 0.05;
+/// A sole within this distance of the floor is near it (c = 0.5), metres …
+const NEAR_HEIGHT: f32 = 0.04;
+/// … unless its toe flies by: swinging toes pass low, at 3 m/s.
+const NEAR_SPEED: f32 = 1.0;
 /// Shorter plants and shorter gaps are noise, frames.
 const SHORTEST: usize = 3;
 
@@ -32,29 +34,32 @@ pub fn detect(motion: &Motion) -> Vec<FootContact> {
         for (frame, pose) in poses.iter().enumerate() {
             let heel = pose.position(foot) + pose.rotation(foot) * Vec3::new(0.0, HEEL_LENGTH, -ANKLE_HEIGHT);
             let lowest = heel.z.min(toes[frame].z - TOE_HEIGHT);
-            contacts[frame][side] = match (planted[frame], lowest < NEAR_HEIGHT) {
-                (true, _) => 1.0,
-                (false, true) => 0.5,
-                (false, false) => 0.0,
-            };
+            contacts[frame][side] =
+                match (planted[frame], lowest < NEAR_HEIGHT && speed(&toes, frame) < NEAR_SPEED) {
+                    (true, _) => 1.0,
+                    (false, true) => 0.5,
+                    (false, false) => 0.0,
+                };
         }
     }
     contacts
 }
 
+/// Speed of a point at a frame, metres a second.
+fn speed(track: &[Vec3], frame: usize) -> f32 {
+    let (a, b) = (frame.saturating_sub(1), (frame + 1).min(track.len() - 1));
+    if a == b { 0.0 } else { track[a].distance(track[b]) * FRAME_RATE / (b - a) as f32 }
+}
+
 /// Whether a toe is planted in each frame, from its positions in the world.
 fn planted_frames(toes: &[Vec3]) -> Vec<bool> {
     let count = toes.len();
-    let speed = |f: usize| {
-        let (a, b) = (f.saturating_sub(1), (f + 1).min(count - 1));
-        if a == b { 0.0 } else { toes[a].distance(toes[b]) * FRAME_RATE / (b - a) as f32 }
-    };
     let mut planted = vec![false; count];
     // Where the toe stands: mean of the plant so far.
     let mut anchor: Option<(Vec3, f32)> = None;
     for frame in 0..count {
         let height = toes[frame].z - TOE_HEIGHT;
-        let speed = speed(frame);
+        let speed = speed(toes, frame);
         let (limit_height, limit_speed) =
             if anchor.is_some() { (STAY_HEIGHT, STAY_SPEED) } else { (LAND_HEIGHT, LAND_SPEED) };
         let stays =
@@ -138,7 +143,7 @@ mod tests {
         let mut motion = Motion { postures: vec![Posture::default(); 10], contacts: Vec::new() };
         assert!(detect(&motion).iter().all(|&c| c == [1.0, 1.0]));
         for posture in &mut motion.postures {
-            posture.root_position.z += 0.04;
+            posture.root_position.z += 0.035;
             // A hovering body is near the floor, but it does not stand: nothing moves, so only height tells.
         }
         assert!(detect(&motion).iter().all(|&c| c == [0.5, 0.5]));

@@ -114,10 +114,10 @@ fn signals(motion: &Motion) -> Vec<Signal> {
             // Both hands held before the body and elbows bent: arms that swing are seldom so, and never for long.
             let reach = hands.map(|h| ahead(h, at(Hips)));
             let bent = |upper: Joint, elbow: Joint, hand: Joint| {
-                (at(elbow) - at(upper)).angle_between(at(hand) - at(elbow)) > 0.8
+                (at(elbow) - at(upper)).angle_between(at(hand) - at(elbow)) > 0.7
             };
-            let holding = reach.iter().all(|&r| r > 0.12)
-                && (reach[0] - reach[1]).abs() < 0.25
+            let holding = reach.iter().all(|&r| r > 0.04)
+                && hands[0].distance(hands[1]) < 0.5
                 && bent(LeftArm, LeftForeArm, LeftHand)
                 && bent(RightArm, RightForeArm, RightHand);
             Signal {
@@ -206,12 +206,17 @@ fn mark_sits(
         let mut heights: Vec<f32> = (first..end).map(height).collect();
         heights.sort_unstable_by(f32::total_cmp);
         let seat = heights[heights.len() / 2];
+        let mut leans: Vec<f32> = (first..end).map(|f| signals[f].lean).collect();
+        leans.sort_unstable_by(f32::total_cmp);
+        let upright = leans[leans.len() / 2];
         let until = stretches.get(i + 1).map_or(count, |next| next.0);
-        // Down: from standing height before to the first frame at the seat's.
+        // Down: from standing height before to where the body has settled.
         let stand_before = (free_from.max(first.saturating_sub(75))..first).map(height).fold(0.0, f32::max);
         let mut idle_from = first;
         if stand_before > seat + 0.08 {
-            let complete = (first..end).find(|&f| (height(f) - seat).abs() < 0.025).unwrap_or(first);
+            // Seated is: at the seat's height, and the trunk has come up again.
+            let settled = |f: usize| (height(f) - seat).abs() < 0.02 && signals[f].lean < upright + 0.12;
+            let complete = (first..end).find(|&f| settled(f)).unwrap_or(first);
             let descent =
                 (free_from..complete).rev().find(|&f| height(f) > stand_before - 0.04).unwrap_or(free_from);
             let begin = free_from.max(descent.saturating_sub(30));

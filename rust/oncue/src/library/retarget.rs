@@ -161,7 +161,7 @@ fn floor(motion: &Motion, ankles: &[[Vec3; 2]]) -> (f32, [f32; 2]) {
     };
     let to = |height: f32| TOE_HEIGHT - height;
     match heights {
-        [Some(a), Some(b)] if (a - b).abs() < 0.03 => (to((a + b) / 2.0), [to(a), to(b)]),
+        [Some(a), Some(b)] if (a - b).abs() < 0.06 => (to((a + b) / 2.0), [to(a), to(b)]),
         // Feet that differ by more stand on different heights (a step, a kneel): trust the lower.
         [Some(a), Some(b)] => (to(a.min(b)), [to(a.min(b)); 2]),
         [Some(a), None] | [None, Some(a)] => (to(a), [to(a); 2]),
