@@ -125,7 +125,7 @@ def desktop():
     try:
         root = blender_root()
     except Unavailable as reason:
-        pytest.skip(f"no real Blender here: {reason}")
+        pytest.fail(f"no real Blender here: {reason}")
     PICTURES.mkdir(parents=True, exist_ok=True)
     work = root / "tmp/oncue-window"
     shutil.rmtree(work, ignore_errors=True)
