@@ -9,6 +9,7 @@ importable). Exits with 0, with 1 and a sentence where there is no result, with 
 """
 
 import importlib
+import os
 import sys
 from pathlib import Path
 
@@ -37,6 +38,9 @@ def arguments() -> list[str]:
 if __name__ == "__main__":
     found = package()
     status = importlib.import_module(f"{found.__name__}.command_line").main(arguments())
-    # Blender's module can hang at exit while classes and handlers are registered.
-    found.unregister()
-    sys.exit(status)
+    if bpy.app.binary_path:
+        sys.exit(status)
+    # Blender's module can crash or hang while Python takes it down; what was asked for is written.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)

@@ -64,7 +64,7 @@ class ONCUE_PT_library(OncuePanel, bpy.types.Panel):
             row.column().operator("oncue.remove_library", text="", icon="REMOVE")
             layout.prop(settings, "starter")
         else:
-            layout.label(text="Starter library (procedural)", icon="FUND")
+            layout.label(text="Starter library (procedural)", icon="ARMATURE_DATA")
         row = layout.row(align=True)
         row.operator("oncue.add_library", text="Add Files", icon="FILE")
         row.operator("oncue.add_library", text="Add Folder", icon="FILE_FOLDER").folder = True
@@ -144,12 +144,8 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
             if miss is not None:
                 lines.append((f"    {side} foot {miss:.1f} cm", "BLANK1"))
     if "foot" in report:
-        lines.append(
-            (
-                f"Foot contact {report['foot']['contact_cm']:.1f} cm, skate {report['foot']['skate_cm']:.2f} cm/frame",
-                "BLANK1",
-            )
-        )
+        lines.append((f"Foot contact {report['foot']['contact_cm']:.1f} cm", "BLANK1"))
+        lines.append((f"Skate {report['foot']['skate_cm']:.2f} cm a frame", "BLANK1"))
     if "penetration" in report:
         lines.append((f"Penetration {report['penetration']['percent']:.1f} % of the frames", "BLANK1"))
     seconds = report.get("extension", {}).get("seconds", {})

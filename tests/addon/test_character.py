@@ -28,7 +28,7 @@ def motion(writer):
     random, frames = np.random.default_rng(3), 45
     turns = np.cumsum(random.normal(0, 0.08, (frames, 22, 4)), axis=0) + random.normal(0, 1, (22, 4))
     rotations = turns / np.linalg.norm(turns, axis=-1, keepdims=True)
-    positions = (*np.cumsum(random.normal(0, 0.05, (frames, 3)), axis=0), 1.0, -2.0, 0.9)
+    positions = np.array([1.0, -2.0, 0.9]) + np.cumsum(random.normal(0, 0.05, (frames, 3)), axis=0)
     return writer.Motion(positions.astype(np.float32), rotations.astype(np.float32), 30.0)
 
 

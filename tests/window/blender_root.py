@@ -9,10 +9,11 @@ import shutil
 import subprocess
 from pathlib import Path
 
-PACKAGES = (
-    "blender python3-numpy libgl1-mesa-dri libgl1 libegl1 libegl-mesa0 libglx-mesa0 "
-    "xvfb xauth xdotool imagemagick openbox x11-utils"
-).split()
+PACKAGES = [
+    *("blender", "python3-numpy", "imagemagick"),
+    *("libgl1-mesa-dri", "libgl1", "libegl1", "libegl-mesa0", "libglx-mesa0"),
+    *("xvfb", "xauth", "xdotool", "openbox"),
+]
 READY = "oncue-blender-is-ready"
 
 

@@ -1,8 +1,10 @@
 """What runs inside the real Blender: makes the scene, opens the sidebar, writes down what it sees ten times a second.
 
-`blender -b … -P in_blender.py -- make SCENE FILE` makes a task scene; with a window and no arguments it watches.
+`blender -b -P in_blender.py -- make SCENE FILE` makes a task scene, `blender -b FILE -P in_blender.py -- keys` prints
+the checksum of the character's keys; with a window and no arguments it watches.
 """
 
+import hashlib
 import json
 import sys
 import time
@@ -33,6 +35,22 @@ def make(name, path):
     make_fixtures.save(Path(path))
 
 
+def keys():
+    """Checksum of every channel and key of the action that the character plays; empty without one."""
+    character = bpy.context.scene.oncue.character
+    data = character.animation_data if character else None
+    if not data or not data.action:
+        return ""
+    digest = hashlib.sha256()
+    for curve in sorted(
+        extension("bridge.compat").action_curves(data.action), key=lambda c: (c.data_path, c.array_index)
+    ):
+        values = [0.0] * (2 * len(curve.keyframe_points))
+        curve.keyframe_points.foreach_get("co", values)
+        digest.update(f"{curve.data_path} {curve.array_index} {values!r}".encode())
+    return digest.hexdigest()
+
+
 def open_sidebar():
     """The 3D view over the whole window, its sidebar on Oncue, buttons in a colour of their own."""
     window = bpy.context.window_manager.windows[0]
@@ -48,7 +66,7 @@ def open_sidebar():
         bpy.ops.view3d.view_all(center=False)
     from mathutils import Euler
 
-    space.region_3d.view_rotation = Euler((0.95, 0.0, 0.55)).to_quaternion()
+    space.region_3d.view_rotation = Euler((0.70, 0.0, 0.42)).to_quaternion()
     return next(r for r in area.regions if r.type == "UI")
 
 
@@ -79,6 +97,7 @@ def watch():
             "stage": progress.stage if progress else "",
             "fraction": progress.fraction if progress else 0.0,
             "message": handle.message,
+            "keys": keys() if run is None else "",
             "tab": sidebar.active_panel_category,
             "actions": sorted(a.name for a in bpy.data.actions),
             "objects": len(bpy.data.objects),
@@ -95,5 +114,7 @@ if __name__ == "__main__":
     rest = sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else []
     if rest[:1] == ["make"]:
         make(*rest[1:])
+    elif rest[:1] == ["keys"]:
+        print("keys", keys())
     else:
         watch()

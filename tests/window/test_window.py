@@ -172,7 +172,8 @@ def test_the_button_with_the_mouse(desktop):
     working = [s for s in desktop.states() if s["at_work"]]
     assert len({s["stage"] for s in working}) >= 3
     print(f"longest gap between two ticks of the window while it ran: {max(s['gap'] for s in working):.2f} s")
-    time.sleep(2)
+    desktop.key("shift+Right")  # to the last frame
+    time.sleep(3)
     desktop.screenshot("window-result")
 
     # It is one undo step.
@@ -181,6 +182,31 @@ def test_the_button_with_the_mouse(desktop):
     assert undone["objects"] == before["objects"]
     pressed = desktop.key("ctrl+shift+z")
     desktop.until("the redo", lambda s: s["actions"] == done["actions"], timeout=20, since=pressed)
+
+
+def test_without_the_window_the_keys_are_the_same(desktop):
+    """`blender -b` with batch.py as the README has it, against what the button has just made."""
+    pressed = [s["keys"] for s in desktop.states() if s["keys"]]
+    assert pressed, "the button's run comes first"
+    inside = "/tmp/oncue-window"
+    batch = ["--python-exit-code", "1", "-P", f"{inside}/sources/addon/batch.py", "--"]
+    written = ["--out", f"{inside}/batch/out.blend", "--report", f"{inside}/batch/out.json", "--seed", "1"]
+    said = desktop.do("blender", "-b", f"{inside}/scene.blend", *batch, *written, timeout=600)
+    assert "Optimizing" in said
+    report = json.loads((desktop.root / "tmp/oncue-window/batch/out.json").read_text())
+    assert report["success"] is True
+    script = f"{inside}/sources/window/in_blender.py"
+    said = desktop.do("blender", "-b", f"{inside}/batch/out.blend", "-P", script, "--", "keys")
+    assert f"keys {pressed[0]}" in said.splitlines()
+
+
+def test_without_the_window_a_failure_has_a_status(desktop):
+    inside = "/tmp/oncue-window"
+    batch = ["--python-exit-code", "1", "-P", f"{inside}/sources/addon/batch.py", "--"]
+    command = desktop.command("blender", "-b", f"{inside}/scene.blend", *batch, "--out", "/proc/oncue/out.blend")
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 1
+    assert "Oncue: /proc/oncue/out.blend cannot be written" in done.stderr
 
 
 def test_escape_cancels_and_leaves_the_file_as_it_was(desktop):
