@@ -45,10 +45,12 @@ fn measure(name: &str, mesh: Mesh) {
     println!("\n{name}, {} triangles", mesh.triangles.len());
     let settings = SceneSettings::default();
     let mut scene = None;
+    let cpu = cpu_seconds();
     let build = best(3, || {
         let progress = Progress::new();
         scene = SceneIndex::build(&mesh.positions, &mesh.triangles, &settings, &progress).ok();
     });
+    let cpu = (cpu_seconds() - cpu) / 3.0;
     let Some(scene) = scene else { return println!("  could not be indexed") };
     println!(
         "  build {:.3} s, {:.0} MB kept, {}",
@@ -142,6 +144,14 @@ fn best(times: usize, mut work: impl FnMut()) -> Duration {
         })
         .min()
         .unwrap_or_default()
+}
+
+/// Processor seconds of this process so far, from Linux: what a busy machine does not change. 0 elsewhere.
+fn cpu_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let after_name = stat.rsplit(')').next().unwrap_or_default();
+    // utime and stime, the 14th and 15th fields, in hundredths of a second.
+    after_name.split_whitespace().skip(11).take(2).filter_map(|t| t.parse::<f64>().ok()).sum::<f64>() / 100.0
 }
 
 /// Most memory this process ever held, from Linux.

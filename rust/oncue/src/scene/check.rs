@@ -206,12 +206,19 @@ fn inside(scene: &SceneIndex, cue: &ActionCue) -> Option<String> {
     if (hit(facing) && hit(-facing)) || (hit(left) && hit(-left)) {
         return Some(format!("Sit cue ‘{}’ is inside a wall or furniture; move it onto the seat.", cue.name));
     }
-    let head = scene.ray(cue.position + Vec3::Z * SUNK, Vec3::Z, 0.70 - SUNK)?;
-    Some(format!(
-        "Sit cue ‘{}’ has no room above it: something is {:.2} m over the pelvis, and a seated person needs 0.80 m.",
-        cue.name,
-        head + SUNK
-    ))
+    let over = scene.ray(cue.position + Vec3::Z * SUNK, Vec3::Z, 0.70 - SUNK)? + SUNK;
+    // Half a torso up it is a cushion or a box around the cue; higher, a table or a shelf over it.
+    Some(if over < 0.35 {
+        format!(
+            "Sit cue ‘{}’ is inside furniture, {over:.2} m under its surface; raise it onto the seat.",
+            cue.name
+        )
+    } else {
+        format!(
+            "Sit cue ‘{}’ has no room above it: something is {over:.2} m over the pelvis, and a seated person needs 0.80 m.",
+            cue.name
+        )
+    })
 }
 
 fn check_way(scene: &SceneIndex, task: &Task) -> Result<()> {

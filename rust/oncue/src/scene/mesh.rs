@@ -1,12 +1,15 @@
 //! The triangles of a scene, checked.
 
 use glam::Vec3;
+use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
 /// Coordinates beyond this (metres) are refused: single precision cannot place a foot there.
 const FARTHEST: f32 = 1.0e5;
+/// Triangles looked at between two checks for a cancel.
+const CHUNK: usize = 65_536;
 
 /// The triangles' corners, without those that have no area.
 ///
@@ -16,39 +19,54 @@ pub fn corners(positions: &[Vec3], triangles: &[[u32; 3]], progress: &Progress) 
     if triangles.is_empty() {
         return Err(Error::input("The scene has no mesh faces: nothing to walk on and nothing to sit on."));
     }
-    let mut out = Vec::with_capacity(triangles.len());
-    for (number, triangle) in triangles.iter().enumerate() {
-        if number % 65_536 == 0 {
+    // Chunk by chunk in parallel; the first chunk's error is the one that is told, whatever thread was first.
+    let chunks: Vec<Result<Vec<[Vec3; 3]>>> = triangles
+        .par_chunks(CHUNK)
+        .enumerate()
+        .map(|(chunk, triangles)| {
             progress.check()?;
-        }
-        let mut corner = [Vec3::ZERO; 3];
-        for (corner, &index) in corner.iter_mut().zip(triangle) {
-            *corner = *positions.get(index as usize).ok_or_else(|| {
-                Error::input(format!(
-                    "Triangle {number} of the scene names vertex {index}, but there are {} vertices.",
-                    positions.len()
-                ))
-            })?;
-            if !corner.is_finite() {
-                return Err(Error::input(format!(
-                    "Triangle {number} of the scene has a vertex ({index}) whose position is not a number: {corner}."
-                )));
+            let mut out = Vec::with_capacity(triangles.len());
+            for (i, triangle) in triangles.iter().enumerate() {
+                let corners = checked(positions, triangle, chunk * CHUNK + i)?;
+                // In double precision: two corners that differ at all may span an area too small for f32.
+                let [a, b, c] = corners.map(|v| v.as_dvec3());
+                if (b - a).cross(c - a).length_squared() > 0.0 {
+                    out.push(corners);
+                }
             }
-            if corner.abs().max_element() > FARTHEST {
-                return Err(Error::input(format!(
-                    "Triangle {number} of the scene has a vertex ({index}) at {corner}, farther than {} km from the origin.",
-                    FARTHEST / 1000.0
-                )));
-            }
-        }
-        // In double precision: two corners that differ at all may span an area too small for f32.
-        let [a, b, c] = corner.map(|v| v.as_dvec3());
-        if (b - a).cross(c - a).length_squared() > 0.0 {
-            out.push(corner);
-        }
+            Ok(out)
+        })
+        .collect();
+    let mut out = Vec::with_capacity(triangles.len());
+    for chunk in chunks {
+        out.extend(chunk?);
     }
     if out.is_empty() {
         return Err(Error::input(format!("All {} triangles of the scene have zero area.", triangles.len())));
     }
     Ok(out)
+}
+
+fn checked(positions: &[Vec3], triangle: &[u32; 3], number: usize) -> Result<[Vec3; 3]> {
+    let mut corners = [Vec3::ZERO; 3];
+    for (corner, &index) in corners.iter_mut().zip(triangle) {
+        *corner = *positions.get(index as usize).ok_or_else(|| {
+            Error::input(format!(
+                "Triangle {number} of the scene names vertex {index}, but there are {} vertices.",
+                positions.len()
+            ))
+        })?;
+        if !corner.is_finite() {
+            return Err(Error::input(format!(
+                "Triangle {number} of the scene has a vertex ({index}) whose position is not a number: {corner}."
+            )));
+        }
+        if corner.abs().max_element() > FARTHEST {
+            return Err(Error::input(format!(
+                "Triangle {number} of the scene has a vertex ({index}) at {corner}, farther than {} km from the origin.",
+                FARTHEST / 1000.0
+            )));
+        }
+    }
+    Ok(corners)
 }

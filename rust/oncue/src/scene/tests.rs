@@ -336,6 +336,10 @@ fn bad_meshes_get_a_sentence() {
     assert!(build(&[Vec3::ZERO, Vec3::X, Vec3::X * f32::INFINITY], &[[0, 1, 2]]).contains("not a number"));
     assert!(build(&[Vec3::ZERO, Vec3::X, Vec3::X * 3.0], &[[0, 1, 2], [1, 1, 1]]).contains("zero area"));
     assert!(build(&[Vec3::ZERO, Vec3::X, Vec3::Y * 1e6], &[[0, 1, 2]]).contains("from the origin"));
+    // Of several bad triangles the first is told, on any number of threads.
+    let mut many = vec![[0u32, 1, 2]; 200_000];
+    (many[70_000][1], many[150_000][2]) = (9, 8);
+    assert!(build(&good, &many).starts_with("Triangle 70000 of the scene names vertex 9"));
     let cancelled = Progress::new();
     cancelled.cancel();
     let mesh = room();
@@ -473,6 +477,7 @@ fn tasks_that_cannot_be_done_are_named() {
         (says(task(here, sit(4.0, 2.0, 0.1, 180.0))), "too low: its seat is 0.00 m"),
         (says(task(here, sit(5.75, 2.0, -0.5, 180.0))), "0.50 m below the floor"),
         (says(task(here, sit(2.95, 1.0, 0.55, 180.0))), "inside a wall"),
+        (says(task(here, sit(5.75, 2.0, 0.20, 180.0))), "inside furniture, 0.25 m under its surface"),
         (says(task(here, sit(5.75, 2.0, 0.55, 0.0))), "no room for the legs: something is 0.25 m"),
         (says(task(here, sit(9.0, 2.0, 0.55, 0.0))), "Sit cue ‘Bench’ lies outside the scene"),
         (says(task(here, stop(5.8, 2.0))), "Stop cue ‘There’ stands inside furniture"),
@@ -482,6 +487,13 @@ fn tasks_that_cannot_be_done_are_named() {
     for (sentence, part) in cases {
         assert!(sentence.contains(part), "“{sentence}” does not say “{part}”");
     }
+    let under_table = room()
+        .solid([3.5, 1.5, 0.70], [4.5, 2.5, 0.74])
+        .solid([3.9, 1.9, 0.0], [4.1, 2.1, 0.3])
+        .build()
+        .unwrap();
+    let low = check_task(&under_table, &task(here, sit(4.0, 2.0, 0.33, 180.0))).unwrap_err().to_string();
+    assert!(low.contains("no room above it: something is 0.37 m"), "{low}");
     let mut far = bench();
     far.feet[1] = Some(Vec3::new(2.0, 2.0, 0.0));
     assert!(says(task(here, far)).contains("right foot of cue ‘Bench’ is 3.79 m"));

@@ -83,9 +83,9 @@ impl TriangleTree {
         let chunks = halve(references, progress)?;
         let parts = chunks
             .into_par_iter()
-            .map(|chunk| {
+            .map_init(Builder::new, |builder, chunk| {
                 progress.check()?;
-                Ok(Part::build(&chunk, triangles))
+                Ok(Part::build(&chunk, triangles, builder))
             })
             .collect::<Result<Vec<Part>>>()?;
         progress.check()?;
@@ -98,7 +98,7 @@ impl TriangleTree {
         let mut nodes = Vec::with_capacity(parts.iter().map(|p| p.nodes.len()).sum::<usize>() + boxes.len());
         let mut blocks = Vec::with_capacity(parts.iter().map(|p| p.blocks.len()).sum());
         // The top's leaves hold part numbers until the parts' places are known.
-        fold(&binary_tree(&boxes), 1, &mut nodes, &mut |items| BLOCK | items[0]);
+        fold(&Builder::new().build(&boxes), 1, &mut nodes, &mut |items| BLOCK | items[0]);
         let top = nodes.len();
         let mut roots = Vec::with_capacity(parts.len());
         for part in parts {
@@ -336,9 +336,9 @@ struct Part {
 }
 
 impl Part {
-    fn build(chunk: &[Reference], triangles: &[[Vec3; 3]]) -> Self {
+    fn build(chunk: &[Reference], triangles: &[[Vec3; 3]], builder: &mut Builder) -> Self {
         let boxes: Vec<Aabb> = chunk.iter().map(|r| r.aabb).collect();
-        let tree = binary_tree(&boxes);
+        let tree = builder.build(&boxes);
         let mut blocks = Vec::with_capacity(chunk.len() / 4 + 1);
         let mut nodes = Vec::with_capacity(chunk.len() / 24 + 1);
         fold(&tree, 8, &mut nodes, &mut |items| {
@@ -360,18 +360,24 @@ impl Part {
     }
 }
 
-/// obvhs's binary tree, one box a leaf: locally ordered clustering, then reinsertion.
-fn binary_tree(boxes: &[Aabb]) -> Bvh2 {
-    let indices = (0..boxes.len() as u32).collect();
-    let mut tree = PlocBuilder::with_capacity(boxes.len()).build(
-        PlocSearchDistance::Medium,
-        boxes,
-        indices,
-        SortPrecision::U64,
-        3,
-    );
-    ReinsertionOptimizer::default().run(&mut tree, 0.05, None);
-    tree
+/// obvhs's builders, kept for their memory.
+struct Builder {
+    cluster: PlocBuilder,
+    reinsert: ReinsertionOptimizer,
+}
+
+impl Builder {
+    fn new() -> Self {
+        Self { cluster: PlocBuilder::new(), reinsert: ReinsertionOptimizer::default() }
+    }
+
+    /// The binary tree, one box a leaf: locally ordered clustering, then reinsertion.
+    fn build(&mut self, boxes: &[Aabb]) -> Bvh2 {
+        let indices = (0..boxes.len() as u32).collect();
+        let mut tree = self.cluster.build(PlocSearchDistance::Medium, boxes, indices, SortPrecision::U64, 3);
+        self.reinsert.run(&mut tree, 0.05, None);
+        tree
+    }
 }
 
 /// Folds a binary tree into nodes of eight children, root first; `emit` turns at most `leaf_size` leaves into a child.
