@@ -205,7 +205,8 @@ def test(session: nox.Session) -> None:
     """All tests; `-- --all` for every Blender instead of the oldest and the newest."""
     every = "--all" in session.posargs
     posargs = [argument for argument in session.posargs if argument != "--all"]
-    session.run("cargo", "test", "--release", "--locked", "--package", "oncue", external=True)
+    # The whole workspace, so that every crate has the features that it has in the wheel, and is compiled once.
+    session.run("cargo", "test", "--release", "--locked", "--workspace", external=True)
     wheel = build_wheel(session)
     python = environment(session, "core", CORE_TESTS)
     install_wheel(session, python, wheel)
@@ -317,4 +318,4 @@ def window(session: nox.Session) -> None:
 @nox.session
 def bench(session: nox.Session) -> None:
     """Search, collision, environment steps and updates, each beside a plain reference."""
-    session.run("cargo", "bench", "--locked", "--package", "oncue", "--bench", "*", *session.posargs, external=True)
+    session.run("cargo", "bench", "--locked", "--workspace", "--bench", "*", *session.posargs, external=True)
