@@ -53,7 +53,7 @@ fn measure(name: &str, mesh: Mesh) {
     let cpu = (cpu_seconds() - cpu) / 3.0;
     let Some(scene) = scene else { return println!("  could not be indexed") };
     println!(
-        "  build {:.3} s, {:.0} MB kept, {}",
+        "  build {:.3} s ({cpu:.2} s of processor time over all threads), {:.0} MB kept, {}",
         build.as_secs_f64(),
         scene.memory() as f64 / 1e6,
         memory()
@@ -163,8 +163,7 @@ fn memory() -> String {
 
 /// A posture in mid-stride, arms hanging and swinging.
 fn stride(place: Vec2, floor: f32, yaw: f32, phase: f32) -> Pose {
-    let mut posture = Posture::default();
-    posture.root_position = place.extend(floor + 0.97);
+    let mut posture = Posture { root_position: place.extend(floor + 0.97), ..Posture::default() };
     posture.rotations[0] = Quat::from_rotation_z(yaw);
     let swing = 0.45 * phase.sin();
     let mut turn = |joint: Joint, q: Quat| posture.rotations[joint.index()] = q;

@@ -150,19 +150,26 @@ impl ClearPath {
     /// The point `distance` metres further along the clear path; the path's end where it is shorter, and `xy`
     /// itself where no way leads.
     pub fn point_ahead(&self, xy: Vec2, distance: f32) -> Vec2 {
-        let mut left = distance;
-        let mut last = xy;
+        self.points_ahead(xy, [distance])[0]
+    }
+
+    /// [`ClearPath::point_ahead`] for several distances, ascending, in one walk along the path.
+    pub fn points_ahead<const N: usize>(&self, xy: Vec2, distances: [f32; N]) -> [Vec2; N] {
+        let mut points = [xy; N];
+        let (mut next, mut gone, mut last) = (0, 0.0, xy);
         self.follow(xy, |point| {
             let step = point.distance(last);
-            if step >= left {
-                last = last.lerp(point, left / step);
-                return false;
+            while next < N && gone + step >= distances[next] {
+                let part = if step > 0.0 { (distances[next] - gone) / step } else { 0.0 };
+                points[next] = last.lerp(point, part.clamp(0.0, 1.0));
+                next += 1;
             }
-            left -= step;
+            gone += step;
             last = point;
-            true
+            next < N
         });
-        last
+        points[next..].fill(last);
+        points
     }
 
     /// The clear path from `from` to the cue's approach point (a stop's place): points about half a cell apart,

@@ -427,6 +427,9 @@ fn the_way_leads_through_the_middle_of_the_door_to_the_front_of_the_seat() {
         let ahead = ways.point_ahead(start, 1.0);
         assert!(path.iter().any(|p| p.distance(ahead) < 0.06) && ahead.distance(start) <= 1.0 + 1e-4);
         assert!((ways.distance(start) - ways.distance(ahead) - 1.0).abs() < 0.1);
+        let several = ways.points_ahead(start, [0.0, 0.5, 1.0, 100.0]);
+        assert_eq!(several[2], ahead);
+        assert!(several[0] == start && several[3] == end && (several[1].distance(start) - 0.5).abs() < 0.05);
         assert!(ways.point_ahead(start, 100.0).distance(end) < 1e-5);
     }
     // On the seat the rest is straight, and outside the scene there is no way.
