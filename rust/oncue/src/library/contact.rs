@@ -15,6 +15,8 @@ const LAND_SPEED: f32 = 0.40;
 const STAY_SPEED: f32 = 0.60;
 /// It stays within this distance of where it is planted, metres: a slow shuffle is no plant.
 const STAY_RADIUS: f32 = 0.04;
+/// At the ends of a plant it is within this distance of its median, metres.
+const STILL_RADIUS: f32 = 0.015;
 /// A sole within this distance of the floor is near it (c = 0.5), metres …
 const NEAR_HEIGHT: f32 = 0.04;
 /// … unless its toe flies by: swinging toes pass low, at 3 m/s.
@@ -86,12 +88,31 @@ fn planted_frames(toes: &[Vec3]) -> Vec<bool> {
             _ => last = Some((first, end)),
         }
     }
+    // A toe that already drags away (or still drifts in) at the end of its plant is not planted there.
+    for (first, end) in runs(&planted, true) {
+        let place = median(&toes[first..end]);
+        let off = |f: usize| toes[f].truncate().distance(place.truncate()) > STILL_RADIUS;
+        let left = (first..end).rev().take_while(|&f| f + 1 < count && off(f)).count();
+        let landed = (first..end - left).take_while(|&f| f > 0 && off(f)).count();
+        planted[first..first + landed].fill(false);
+        planted[end - left..end].fill(false);
+    }
     for (first, end) in runs(&planted, true) {
         if end - first < SHORTEST && first > 0 && end < count {
             planted[first..end].fill(false);
         }
     }
     planted
+}
+
+/// The median of each coordinate. `points` must not be empty.
+pub(crate) fn median(points: &[Vec3]) -> Vec3 {
+    let middle = |axis: usize| {
+        let mut values: Vec<f32> = points.iter().map(|p| p[axis]).collect();
+        values.sort_unstable_by(f32::total_cmp);
+        values[values.len() / 2]
+    };
+    Vec3::new(middle(0), middle(1), middle(2))
 }
 
 /// The stretches `first..end` in which `flags` has the value `value`.

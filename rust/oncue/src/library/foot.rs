@@ -2,7 +2,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 
-use super::contact::runs;
+use super::contact::{median, runs};
 use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::{ANKLE_HEIGHT, HEEL_LENGTH, JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT, TOE_LENGTH};
 use crate::motion::{Joint, Motion, Pose, Posture};
@@ -13,10 +13,10 @@ pub const LEGS: [[Joint; 4]; 2] = [
     [Joint::RightUpLeg, Joint::RightLeg, Joint::RightFoot, Joint::RightToe],
 ];
 
-/// A leg stays this much short of straight: about 3° of knee flexion.
-const REACH: f32 = 2.0 * LEG_LENGTH * 0.9997;
+/// A leg stays this much short of straight: about 4° of knee flexion.
+const REACH: f32 = 2.0 * LEG_LENGTH * 0.9995;
 /// The root comes down as far as a planted leg needs to stay within this.
-const EASY_REACH: f32 = 2.0 * LEG_LENGTH * 0.9990;
+const EASY_REACH: f32 = 2.0 * LEG_LENGTH * 0.9980;
 /// Toes bend up at most so far from the foot, radians.
 const MOST_TOE_BEND: f32 = 1.0;
 /// Corrections of a planted foot fade in and out over this many frames.
@@ -117,8 +117,8 @@ fn foot_targets(poses: &[Pose], planted: &[bool], side: usize) -> Vec<FootTarget
     // Correction of the toe's place: exact while planted, faded around.
     let mut shift = vec![Vec3::ZERO; poses.len()];
     for &(first, end) in &plants {
-        let mean = toes[first..end].iter().sum::<Vec3>() / (end - first) as f32;
-        let lock = Vec3::new(mean.x, mean.y, TOE_HEIGHT);
+        let place = median(&toes[first..end]);
+        let lock = Vec3::new(place.x, place.y, TOE_HEIGHT);
         for frame in first..end {
             shift[frame] = lock - toes[frame];
         }
