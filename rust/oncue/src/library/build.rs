@@ -265,6 +265,7 @@ fn make_clip(
     // Each take has its own floor, but one capture room tends to tilt alike.
     sampler.set_floor(sums.floor.slope(group.floor.slope(Vec2::ZERO)));
     let mut motion = retarget::retarget(&mut sampler, &Calibration::from_sums(&sums.with_group(group))?);
+    retarget::trim_end(&mut motion);
     if motion.len() < SHORTEST_CLIP {
         return Err("it is shorter than half a second.".into());
     }

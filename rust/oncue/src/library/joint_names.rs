@@ -377,7 +377,16 @@ mod tests {
 
     #[test]
     fn the_systems_names_are_recognised() {
-        let systems: [(&str, &str, [&str; 2], &str, [&str; 8], [&str; 2]); 12] = [
+        /// System, hips, spine, neck, the limbs' names with `*` for the side, the sides.
+        type System = (
+            &'static str,
+            &'static str,
+            [&'static str; 2],
+            &'static str,
+            [&'static str; 8],
+            [&'static str; 2],
+        );
+        let systems: [System; 12] = [
             (
                 "lafan1",
                 "Hips",

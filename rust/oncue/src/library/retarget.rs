@@ -61,6 +61,19 @@ pub fn retarget(sampler: &mut Sampler, calibration: &Calibration) -> Motion {
     motion
 }
 
+/// Drops up to two frames at the end in which the body jerks to a halt: captures often end in a frame that was
+/// filtered against nothing.
+pub fn trim_end(motion: &mut Motion) {
+    for _ in 0..2 {
+        let [.., a, b, c] = motion.postures.as_slice() else { return };
+        let jerk = (c.root_position - b.root_position) - (b.root_position - a.root_position);
+        if jerk.length() * FRAME_RATE * FRAME_RATE < 8.0 {
+            return;
+        }
+        motion.postures.pop();
+    }
+}
+
 /// One posture from the sampled pose.
 fn posture(s: &Sampler, c: &Calibration) -> Posture {
     let mut global = [Quat::IDENTITY; crate::motion::JOINT_COUNT];
