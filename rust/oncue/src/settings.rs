@@ -268,7 +268,7 @@ impl Default for PpoSettings {
             batch: 512,
             epochs: 5,
             gradient_norm: 0.5,
-            log_std_future: -1.2,
+            log_std_future: -1.8,
             log_std_offset: -1.2,
             entropy: 0.0,
             updates: 16,
