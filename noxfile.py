@@ -316,6 +316,14 @@ def window(session: nox.Session) -> None:
 
 
 @nox.session
+def rooms(session: nox.Session) -> None:
+    """The table and the contact sheets of real rooms: `-- --rooms FOLDER --out FOLDER …` (tools/rooms_table.py)."""
+    python = blender_environment(session, blenders(session)[-1], build_wheel(session))
+    tools = environment(session, "tools", ["pillow"])
+    session.run(str(tools), "tools/rooms_table.py", "--python", str(python), *session.posargs)
+
+
+@nox.session
 def bench(session: nox.Session) -> None:
     """Search, collision, environment steps and updates, each beside a plain reference."""
     session.run("cargo", "bench", "--locked", "--workspace", "--bench", "*", *session.posargs, external=True)
