@@ -1,0 +1,135 @@
+//! The main job on a room made in code: what must hold of every motion, whatever the task.
+
+use glam::{Quat, Vec3};
+use oncue::library::starter;
+use oncue::metrics::foot_figures;
+use oncue::motion::Joint;
+use oncue::scene::SceneIndex;
+use oncue::{ActionCue, ActionType, Error, InitialState, Progress, Settings, Synthesis, Task, synthesize};
+
+/// Axis-aligned boxes as triangles.
+fn boxes(list: &[([f32; 3], [f32; 3])]) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for (low, high) in list {
+        let base = positions.len() as u32;
+        for i in 0..8 {
+            let pick = |axis: usize| if i & (1 << axis) == 0 { low[axis] } else { high[axis] };
+            positions.push(Vec3::new(pick(0), pick(1), pick(2)));
+        }
+        for q in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
+            triangles.push([base + q[0], base + q[1], base + q[2]]);
+            triangles.push([base + q[0], base + q[2], base + q[3]]);
+        }
+    }
+    (positions, triangles)
+}
+
+/// 5 × 5 m with a low table in the middle and a bench of 0.45 m at the far wall.
+fn room() -> SceneIndex {
+    let (positions, triangles) = boxes(&[
+        ([-2.5, -2.5, -0.1], [2.5, 2.5, 0.0]),
+        ([-2.6, -2.5, 0.0], [-2.5, 2.5, 2.0]),
+        ([2.5, -2.5, 0.0], [2.6, 2.5, 2.0]),
+        ([-2.5, 2.5, 0.0], [2.5, 2.6, 2.0]),
+        ([-2.5, -2.6, 0.0], [2.5, -2.5, 2.0]),
+        ([-0.5, -0.5, 0.0], [0.5, 0.4, 0.4]),
+        ([-0.8, 1.9, 0.0], [0.8, 2.4, 0.45]),
+    ]);
+    SceneIndex::build(&positions, &triangles, &Settings::default().scene, &Progress::new()).expect("a room")
+}
+
+fn task(action_type: ActionType) -> Task {
+    let sits = action_type == ActionType::Sit;
+    Task {
+        start: InitialState { name: "Start".into(), position: Vec3::new(0.2, -1.8, 0.0), yaw: 2.0 },
+        cue: ActionCue {
+            name: "Cue".into(),
+            action_type,
+            position: if sits { Vec3::new(0.0, 2.12, 0.55) } else { Vec3::new(-1.2, 1.0, 0.0) },
+            yaw: if sits { 0.0 } else { 3.0 },
+            feet: [None, None],
+        },
+    }
+}
+
+/// The default settings with less of everything.
+fn small() -> Settings {
+    let mut settings = Settings::default();
+    settings.ppo.tuples = 1024;
+    settings.ppo.updates = 2;
+    settings.ppo.solved = 0.2;
+    settings.kept.rollouts = 48;
+    settings.kept.rounds = 1;
+    settings
+}
+
+fn run(task: &Task, seed: u64) -> Synthesis {
+    let progress = Progress::new();
+    let library = starter::generate(&progress).expect("the starter library");
+    synthesize(&room(), &library, task, &small(), seed, &progress).expect("a motion")
+}
+
+/// Largest change of a joint's rotation from one frame to the next, and of that change, radians.
+fn largest_changes(done: &Synthesis) -> (f32, f32) {
+    let (mut speed, mut jerk) = (0.0f32, 0.0f32);
+    let postures = &done.motion.postures;
+    let turn = |frame: usize, joint: usize| -> Quat {
+        postures[frame].rotations[joint] * postures[frame - 1].rotations[joint].inverse()
+    };
+    for frame in 2..postures.len() {
+        for joint in 0..Joint::ALL.len() {
+            let (now, then) = (turn(frame, joint), turn(frame - 1, joint));
+            speed = speed.max(now.angle_between(Quat::IDENTITY));
+            jerk = jerk.max(now.angle_between(then));
+        }
+    }
+    (speed, jerk)
+}
+
+#[test]
+fn walks_round_the_table_and_sits() {
+    let done = run(&task(ActionType::Sit), 3);
+    let report = &done.report;
+    assert!(report.success, "{:?}", report.problems);
+    assert!(report.cues[0].pelvis_cm < 10.0 && report.cues[0].facing_degrees < 20.0, "{:?}", report.cues);
+    assert!(report.penetration.percent < 3.0, "{:?}", report.penetration);
+    let foot = foot_figures(&done.motion, 0.0);
+    assert!(foot.skate_cm < 0.05 && foot.worst_skate_cm < 0.5, "{foot:?}");
+    assert!(foot.sink_cm < 0.5, "{foot:?}");
+    // Blind to labels: feet near the floor hardly move (mocap itself reads 0.5 and more).
+    assert!(foot.low_skate_cm < 0.6, "{foot:?}");
+    let (speed, change) = largest_changes(&done);
+    // 0.45 rad a frame is 13 rad/s, a brisk knee; a pop shows as a change of speed of that order.
+    assert!(speed < 0.45 && change < 0.30, "{speed} {change}");
+    assert!(report.path_m < 1.5 * report.shortest_path_m);
+}
+
+#[test]
+fn stops_at_a_cue() {
+    let done = run(&task(ActionType::Stop), 1);
+    assert!(done.report.success, "{:?}", done.report.problems);
+    let last = done.motion.postures.len() - 1;
+    let still = done.motion.postures[last].root_position.distance(done.motion.postures[last - 15].root_position);
+    assert!(still < 0.05, "{still}");
+}
+
+#[test]
+fn one_seed_one_motion_on_one_thread_and_on_three() {
+    let task = task(ActionType::Sit);
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        pool.install(|| run(&task, 11))
+    };
+    let (one, three) = (on(1), on(3));
+    assert_eq!(one.motion, three.motion);
+    assert_ne!(one.motion, run(&task, 12).motion);
+}
+
+#[test]
+fn cancel_is_seen() {
+    let progress = Progress::new();
+    let library = starter::generate(&progress).expect("the starter library");
+    progress.cancel();
+    let result = synthesize(&room(), &library, &task(ActionType::Sit), &Settings::default(), 1, &progress);
+    assert!(matches!(result, Err(Error::Cancelled)));
+}
