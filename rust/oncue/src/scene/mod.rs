@@ -17,6 +17,8 @@ mod raster;
 mod settings;
 #[cfg(test)]
 mod tests;
+mod tree_nodes;
+mod tree_references;
 mod triangle_tree;
 
 pub use check::check_task;
