@@ -395,8 +395,8 @@ fn the_starter_fills_what_mocap_lacks() {
     }
 }
 
-/// A clip written as a `.bvh` of a taller person, in centimetres, Y up, at 60 Hz, each joint with a frame of its own.
-fn as_bvh(clip: &Clip, seed: u64) -> String {
+/// A clip written as a `.bvh` of a taller person at 60 Hz, each joint with a frame of its own.
+fn as_bvh(clip: &Clip, seed: u64, units_in_a_metre: f32, up: UpAxis) -> String {
     use glam::{EulerRot, Quat, Vec3};
     use oncue::motion::skeleton::{JOINT_COUNT, JOINT_OFFSET, NAMES, PARENT};
     use rand::{RngExt, SeedableRng};
@@ -404,8 +404,11 @@ fn as_bvh(clip: &Clip, seed: u64) -> String {
     let mut turn =
         || Quat::from_scaled_axis(Vec3::from_array(std::array::from_fn(|_| random.random_range(-1.8..1.8))));
     let frames: Vec<Quat> = (0..JOINT_COUNT).map(|_| turn()).collect();
-    let y_up = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
-    let size = 112.0;
+    let turned = match up {
+        UpAxis::Y => Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2),
+        UpAxis::Z => Quat::IDENTITY,
+    };
+    let size = 1.12 * units_in_a_metre;
     let mut text = String::from("HIERARCHY\n");
     let mut depths = [0; JOINT_COUNT];
     let mut open = 0;
@@ -435,8 +438,8 @@ fn as_bvh(clip: &Clip, seed: u64) -> String {
             posture.rotations[j] = pa.rotations[j].slerp(pb.rotations[j], 0.5);
         }
         let pose = posture.pose();
-        let global = |j: usize| y_up * pose.rotations[j] * frames[j];
-        let root = y_up * pose.positions[0] * size;
+        let global = |j: usize| turned * pose.rotations[j] * frames[j];
+        let root = turned * pose.positions[0] * size;
         let mut row = vec![root.x, root.y, root.z];
         for j in 0..JOINT_COUNT {
             let local = if j == 0 { global(0) } else { global(PARENT[j]).inverse() * global(j) };
@@ -454,11 +457,15 @@ fn a_known_motion_comes_back_whatever_its_joints_frames() {
     std::fs::create_dir_all(&dir).unwrap();
     let starter = oncue::library::starter::generate(&Progress::new()).unwrap();
     let pick = |start: &str| starter.clips.iter().find(|c| c.name.starts_with(start)).unwrap();
-    for (seed, original) in
-        [pick("walk 1.00"), pick("sit 46 cm, turn 30"), pick("stand up 46")].into_iter().enumerate()
-    {
+    let takes = [
+        (pick("walk 1.00"), 100.0, UpAxis::Y),
+        (pick("walk 1.00"), 1.0, UpAxis::Z),
+        (pick("sit 46 cm, turn 30"), 39.37, UpAxis::Y),
+        (pick("stand up 46"), 1000.0, UpAxis::Z),
+    ];
+    for (seed, (original, units, up)) in takes.into_iter().enumerate() {
         let path = dir.join("known.bvh");
-        std::fs::write(&path, as_bvh(original, seed as u64)).unwrap();
+        std::fs::write(&path, as_bvh(original, seed as u64, units, up)).unwrap();
         let built = build(&[path], &settings(), &Progress::new()).unwrap();
         let clip = &built.library.clips[0];
         let (a, b) = (poses(original), poses(clip));
@@ -502,5 +509,32 @@ fn a_known_motion_comes_back_whatever_its_joints_frames() {
             }
         }
     }
+    std::fs::remove_dir_all(&dir).unwrap();
+}
+
+#[test]
+fn sidecars_label_and_exclude() {
+    let dir = std::env::temp_dir().join(format!("oncue-sidecar-build-{}", std::process::id()));
+    std::fs::create_dir_all(&dir).unwrap();
+    let starter = oncue::library::starter::generate(&Progress::new()).unwrap();
+    let walk = starter.clips.iter().find(|c| c.name.starts_with("walk 1.00")).unwrap();
+    for name in ["a", "b", "c"] {
+        std::fs::write(dir.join(format!("{name}.bvh")), as_bvh(walk, 7, 100.0, UpAxis::Y)).unwrap();
+    }
+    // The file's own frames: 60 Hz, so twice ours.
+    let labels = r#"{"labels": [{"label": "sit", "first": 100, "end": 200, "complete": 180}]}"#;
+    std::fs::write(dir.join("a.oncue.json"), labels).unwrap();
+    std::fs::write(dir.join("oncue.json"), r#"{"files": {"b.bvh": {"exclude": true}}}"#).unwrap();
+    std::fs::write(dir.join("c.oncue.json"), r#"{"labels": [{"label": "dance", "first": 0, "end": 2}]}"#)
+        .unwrap();
+    let built = build(std::slice::from_ref(&dir), &settings(), &Progress::new()).unwrap();
+    assert_eq!(built.library.clips.len(), 1);
+    let sit = built.library.clips[0].segments.iter().find(|s| s.label == ActionLabel::Sit).unwrap();
+    assert_eq!((sit.first, sit.end, sit.complete), (50, 100, 90));
+    let reasons: Vec<&str> = built.skipped.iter().map(|s| s.reason.as_str()).collect();
+    assert!(
+        reasons[0].contains("excludes it") && reasons[1].contains("c.oncue.json was not understood"),
+        "{reasons:?}"
+    );
     std::fs::remove_dir_all(&dir).unwrap();
 }

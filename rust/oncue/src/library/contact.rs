@@ -92,8 +92,8 @@ fn planted_frames(toes: &[Vec3]) -> Vec<bool> {
     for (first, end) in runs(&planted, true) {
         let place = median(&toes[first..end]);
         let off = |f: usize| toes[f].truncate().distance(place.truncate()) > STILL_RADIUS;
-        let left = (first..end).rev().take_while(|&f| f + 1 < count && off(f)).count();
-        let landed = (first..end - left).take_while(|&f| f > 0 && off(f)).count();
+        let left = (first..end).rev().take_while(|&f| off(f)).count();
+        let landed = (first..end - left).take_while(|&f| off(f)).count();
         planted[first..first + landed].fill(false);
         planted[end - left..end].fill(false);
     }

@@ -214,7 +214,7 @@ fn widen(values: &[f32], radius: usize) -> Vec<f32> {
         .collect()
 }
 
-/// Mean over `radius` frames each side, twice.
+/// A smooth mean over `radius` frames each side: half of that, twice.
 fn smooth(values: &[f32], radius: usize) -> Vec<f32> {
     let once = |values: &[f32], radius: usize| -> Vec<f32> {
         (0..values.len())

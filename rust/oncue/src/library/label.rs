@@ -64,9 +64,8 @@ pub fn label(motion: &Motion) -> Vec<Segment> {
     mark_other(&mut labels, &signals);
     join_short(&mut labels);
     let mut segments: Vec<Segment> = Vec::new();
-    let sits = mark_sits(&mut labels, &signals, &mut segments);
+    mark_sits(&mut labels, &signals, &mut segments);
     mark_stops(&mut labels, &signals, &mut segments);
-    debug_assert!(sits.iter().all(|s| s.1 <= count));
     // The rest of the frames, run by run.
     let mut frame = 0;
     while frame < count {
@@ -176,11 +175,7 @@ fn mark_other(labels: &mut [ActionLabel], signals: &[Signal]) {
 }
 
 /// Finds stretches of sitting; makes the sit before each, the seated idle, and the stand-up after.
-fn mark_sits(
-    labels: &mut [ActionLabel],
-    signals: &[Signal],
-    segments: &mut Vec<Segment>,
-) -> Vec<(usize, usize)> {
+fn mark_sits(labels: &mut [ActionLabel], signals: &[Signal], segments: &mut Vec<Segment>) {
     let seated: Vec<bool> = signals
         .iter()
         .map(|s| {
@@ -251,8 +246,6 @@ fn mark_sits(
     for segment in segments.iter() {
         labels[segment.first..segment.end].fill(segment.label);
     }
-    // What a low pelvis or a bent trunk marked beside a sit belongs to it; nothing shorter than a second stays.
-    stretches
 }
 
 /// The last two steps before standing still, and the settling.

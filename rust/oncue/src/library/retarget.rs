@@ -4,28 +4,17 @@
 //! file's, scaled by the ratio of the leg lengths, and the ankles are put by IK exactly where the file's
 //! ankles are at that scale, so that feet slide no more than they did. Then the floor is brought to z = 0.
 
-use std::collections::BTreeMap;
-
 use glam::{Quat, Vec3};
 
-use super::calibration::{Calibration, Sampler, UpAxis};
+use super::calibration::{Calibration, Sampler};
 use super::foot;
+use super::mocap_file::MocapFile;
 use crate::motion::skeleton::{JOINT_OFFSET, PARENT, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
 
 /// Units that files come in: name, metres. The last is cgspeed's conversion of CMU.
 const UNITS: [(&str, f32); 5] =
     [("m", 1.0), ("cm", 0.01), ("inch", 0.0254), ("mm", 0.001), ("0.45 inch", 0.0564)];
-
-/// What was recognised about a file; for reports.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Recognized {
-    pub up: UpAxis,
-    /// The unit that makes its legs those of a person, by name, if any does.
-    pub unit: Option<&'static str>,
-    /// Our metres for one unit of the file (its legs become as long as ours).
-    pub scale: f32,
-}
 
 /// The unit in which legs of this length are a person's (0.6 to 1.1 m; an adult's 0.85 is preferred).
 pub fn recognize_unit(leg_length: f32) -> Option<(&'static str, f32)> {
@@ -203,12 +192,12 @@ pub fn planted_slide(motion: &Motion) -> (f32, f32) {
 }
 
 /// A key that two files share when they have the same skeleton: names and offsets.
-pub fn skeleton_key(file: &super::mocap_file::MocapFile) -> String {
-    let mut joints: BTreeMap<usize, String> = BTreeMap::new();
+pub fn skeleton_key(file: &MocapFile) -> String {
+    let mut key = String::new();
     for (i, joint) in file.joints.iter().enumerate() {
         // The root's offset is often where the take begins.
         let offset = if i == 0 { Vec3::ZERO } else { joint.offset };
-        joints.insert(i, format!("{}:{:.2},{:.2},{:.2}", joint.name, offset.x, offset.y, offset.z));
+        key.push_str(&format!("{}:{:.2},{:.2},{:.2};", joint.name, offset.x, offset.y, offset.z));
     }
-    joints.into_values().collect::<Vec<_>>().join(";")
+    key
 }
