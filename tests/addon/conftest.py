@@ -65,3 +65,18 @@ def fixtures():
     """The module that makes the task scenes."""
     sys.path.insert(0, str(ROOT / "blend_fixtures"))
     return importlib.import_module("make_fixtures")
+
+
+EXIT_STATUS = pytest.StashKey[int]()
+
+
+def pytest_sessionfinish(session, exitstatus):
+    session.config.stash[EXIT_STATUS] = int(exitstatus)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config):
+    """Ends the process as the tests did: Blender 4.2's module can crash while Python takes it down after them."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(config.stash.get(EXIT_STATUS, 1))
