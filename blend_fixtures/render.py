@@ -30,6 +30,8 @@ from addon.bridge import compat  # noqa: E402
 from addon.bridge.names import CHARACTER_KEY, CUE_KEY  # noqa: E402
 
 PICTURE_SIZE, SHEET_SIZE, VIDEO_SIZE = (1600, 900), (480, 400), (640, 360)
+#: Without a GPU a frame takes 0.2 s; a video is to take less than a minute.
+VIDEO_FRAMES = 200
 #: Colours from the start of the motion to its end, linear RGB.
 GRADE = np.array([(0.06, 0.20, 0.62), (0.05, 0.45, 0.45), (0.55, 0.50, 0.08), (0.85, 0.25, 0.04)])
 #: What blocks the view is cut off this high over the floor; nothing is shown above the ceiling's height. Metres.
@@ -103,8 +105,9 @@ def prepare(scene: bpy.types.Scene, size: tuple[int, int]) -> bpy.types.Object:
     render.resolution_percentage = 100
     render.use_stamp = False
     shading.light, shading.color_type = "STUDIO", "MATERIAL"
-    shading.show_shadows, shading.shadow_intensity = True, 0.25
-    shading.show_cavity, shading.cavity_type = True, "BOTH"
+    # Shadows and cavities take most of a frame's time without a GPU.
+    shading.show_shadows, shading.shadow_intensity = size != VIDEO_SIZE, 0.25
+    shading.show_cavity, shading.cavity_type = size != VIDEO_SIZE, "BOTH"
     shading.show_object_outline = True
     shading.object_outline_color = (0.05, 0.05, 0.06)
     scene.display.light_direction = (0.25, 0.15, 0.95)
@@ -405,13 +408,15 @@ def sheet(blend: Path, out: Path, views: list[str], count: int = 10) -> None:
 
 
 def video(blend: Path, out: Path) -> None:
-    """Every frame from the overview camera, H264."""
+    """The motion from the overview camera in its own time, H264; long motions at half or a third of the frames."""
     scene, walk, camera = _open(blend, VIDEO_SIZE)
     place, target = overview(walk, VIDEO_SIZE[0] / VIDEO_SIZE[1])
     aim(camera, place, target)
     open_room(scene, walk, place)
     add_way(scene, walk)
     scene.frame_start, scene.frame_end = int(walk.frames[0]), int(walk.frames[-1])
+    step = math.ceil(len(walk.frames) / VIDEO_FRAMES)
+    scene.frame_step, scene.render.fps = step, max(1, round(scene.render.fps / step))
     compat.use_video(scene.render)
     scene.render.filepath = str(out.resolve())
     bpy.ops.render.render(animation=True)
