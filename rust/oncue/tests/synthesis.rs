@@ -109,7 +109,8 @@ fn stops_at_a_cue() {
     let done = run(&task(ActionType::Stop), 1);
     assert!(done.report.success, "{:?}", done.report.problems);
     let last = done.motion.postures.len() - 1;
-    let still = done.motion.postures[last].root_position.distance(done.motion.postures[last - 15].root_position);
+    let still =
+        done.motion.postures[last].root_position.distance(done.motion.postures[last - 15].root_position);
     assert!(still < 0.05, "{still}");
 }
 

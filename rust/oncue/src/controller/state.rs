@@ -142,8 +142,8 @@ pub fn observe(
     let remaining = environment.path.distance(here.position);
     if settings.state.clear_path {
         push((remaining / 3.0).min(3.0));
-        for ahead in AHEAD {
-            let local = here.point_to_local(environment.path.point_ahead(here.position, ahead));
+        for (ahead, point) in AHEAD.into_iter().zip(environment.path.points_ahead(here.position, AHEAD)) {
+            let local = here.point_to_local(point);
             push(local.x / ahead);
             push(local.y / ahead);
         }
