@@ -15,8 +15,8 @@ pub const LEGS: [[Joint; 4]; 2] = [
 
 /// A leg stays this much short of straight: about 4° of knee flexion.
 const REACH: f32 = 2.0 * LEG_LENGTH * 0.9995;
-/// The root comes down as far as a planted leg needs to stay within this.
-const EASY_REACH: f32 = 2.0 * LEG_LENGTH * 0.9980;
+/// A leg may always be this long (17° of knee flexion) …
+const EASY_REACH: f32 = 2.0 * LEG_LENGTH * 0.989;
 /// Toes bend up at most so far from the foot, radians.
 const MOST_TOE_BEND: f32 = 1.0;
 /// Corrections of a planted foot fade in and out over this many frames.
@@ -93,7 +93,10 @@ pub fn clean_up(motion: &mut Motion) {
         .map(|frame| {
             (0..2)
                 .filter(|&side| motion.contacts[frame][side] > 0.0)
-                .map(|side| needed_drop(poses[frame].position(LEGS[side][0]), targets[side][frame].ankle))
+                .map(|side| {
+                    let hip = poses[frame].position(LEGS[side][0]);
+                    needed_drop(hip, targets[side][frame].ankle, longest(&poses[frame], side))
+                })
                 .fold(0.0, f32::max)
         })
         .collect();
@@ -103,7 +106,12 @@ pub fn clean_up(motion: &mut Motion) {
         for (side, leg) in LEGS.iter().enumerate() {
             let pose = posture.pose();
             let target = targets[side][frame];
-            reach(posture, &pose, side, target.ankle, target.rotation);
+            let mut ankle = target.ankle;
+            if motion.contacts[frame][side] == 0.0 {
+                let hip = pose.position(leg[0]);
+                ankle = hip + (ankle - hip).clamp_length_max(longest(&poses[frame], side));
+            }
+            reach(posture, &pose, side, ankle, target.rotation);
             posture.rotations[leg[3].index()] = (target.rotation.inverse() * target.toe_rotation).normalize();
         }
     }
@@ -196,11 +204,20 @@ fn lift_angle(ball_height: f32, rotation: Quat, arm: Vec3, sign: f32) -> f32 {
     lift.min(1.3)
 }
 
-/// How far a hip must come down for its ankle to be within [`EASY_REACH`].
-fn needed_drop(hip: Vec3, ankle: Vec3) -> f32 {
+/// How long a leg may get: as long as it was captured, or [`EASY_REACH`].
+///
+/// Near full extension millimetres of the ankle are many degrees of the knee, so a corrected foot must not
+/// stretch its leg further than the person did.
+fn longest(pose: &Pose, side: usize) -> f32 {
+    let [thigh, _, foot, _] = LEGS[side];
+    pose.position(thigh).distance(pose.position(foot)).clamp(EASY_REACH, REACH)
+}
+
+/// How far a hip must come down for its ankle to be within `longest`.
+fn needed_drop(hip: Vec3, ankle: Vec3, longest: f32) -> f32 {
     let to = hip - ankle;
     let side = to.truncate().length_squared();
-    let high = (EASY_REACH * EASY_REACH - side).max(0.0).sqrt();
+    let high = (longest * longest - side).max(0.0).sqrt();
     (to.z - high).clamp(0.0, 0.15)
 }
 
