@@ -15,6 +15,7 @@ from bpy.props import (
 )
 
 from . import native
+from .bridge.compat import RELATIVE_PATHS
 
 #: Dynamic enum items must stay alive while Blender shows them.
 _PRESETS: list[tuple[str, str, str]] = []
@@ -44,7 +45,11 @@ class OncueLibraryPath(bpy.types.PropertyGroup):
     """One entry of the motion library."""
 
     path: StringProperty(
-        name="Path", description="A .bvh file, a folder of them, or a library file", subtype="FILE_PATH", default=""
+        name="Path",
+        description="A .bvh file, a folder of them, or a library file",
+        subtype="FILE_PATH",
+        options={"ANIMATABLE", *RELATIVE_PATHS},
+        default="",
     )
 
 

@@ -12,6 +12,9 @@ CHANNELBAG_GROUP_NAMES = bpy.app.version >= (5, 0, 0)
 #: Blender 5.0 asks for the media type before the file format.
 MEDIA_TYPES = bpy.app.version >= (5, 0, 0)
 
+#: From 4.5 on a path property says itself that it may begin with `//`.
+RELATIVE_PATHS = {"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5, 0) else set()
+
 BLENDER_VERSION = bpy.app.version_string
 
 
