@@ -2,6 +2,7 @@
 
 import math
 
+import bmesh
 import bpy
 import pytest
 from mathutils import Vector
@@ -152,12 +153,12 @@ def test_sitting_on_a_selected_face(context, fixtures):
     bench = add_cube("Bench", location=(0, 2, 0.225), scale=(1.6, 0.4, 0.45))
     add_cube("Wall", location=(0, 2.3, 1), scale=(6, 0.1, 2))
     context.view_layer.objects.active = bench
-    for polygon in bench.data.polygons:
-        polygon.select = polygon.normal.z > 0.9
-    for item in (*bench.data.vertices, *bench.data.edges):
-        item.select = False
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_mode(type="FACE")
+    mesh = bmesh.from_edit_mesh(bench.data)
+    for face in mesh.faces:
+        face.select_set(face.normal.z > 0.9)
+    bmesh.update_edit_mesh(bench.data)
     assert bpy.ops.oncue.sit_on_selection() == {"FINISHED"}
     assert context.mode == "EDIT_MESH"
     bpy.ops.object.mode_set(mode="OBJECT")
