@@ -88,6 +88,7 @@ def _draw() -> None:
     known = preferences.get(context)
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     gpu.state.blend_set("ALPHA")
+    gpu.state.depth_test_set("NONE")
     shader.bind()
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     shader.uniform_float("lineWidth", LINE_WIDTH * context.preferences.system.ui_scale)
@@ -95,13 +96,8 @@ def _draw() -> None:
         kind = cue[CUE_KEY]
         color = tuple(known.ghost_color) if known and kind == "sit" else KINDS[kind][3]
         points = [tuple(point) for line in cue_lines(context, cue) for point in line]
-        batch = batch_for_shader(shader, "LINES", {"pos": points})
-        # Faint where something stands before it, so that it is never lost and never covers the figure.
-        for depth_test, strength in (("GREATER", 0.3), ("LESS_EQUAL", 1.0)):
-            gpu.state.depth_test_set(depth_test)
-            shader.uniform_float("color", (*color[:3], color[3] * strength))
-            batch.draw(shader)
-    gpu.state.depth_test_set("NONE")
+        shader.uniform_float("color", color)
+        batch_for_shader(shader, "LINES", {"pos": points}).draw(shader)
     gpu.state.blend_set("NONE")
 
 
