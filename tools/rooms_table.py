@@ -104,6 +104,8 @@ def quietly(command: list[str]) -> tuple[int, str]:
 def write_table(options: argparse.Namespace, name: str, rows: list[list[str]]) -> None:
     met = [row for row in rows if row[3] and float(row[3]) < 10 and float(row[4]) < 20 and not row[-1]]
     mean = sum(float(row[8]) for row in rows if row[8]) / max(1, sum(bool(row[8]) for row in rows))
+    # Folders by their names: where they lie on this machine is nobody's business.
+    said = [Path(word).name if "/" in word else f"'{word}'" if " " in word else word for word in sys.argv[3:]]
     lines = [
         f"# {options.title}",
         "",
@@ -119,7 +121,7 @@ def write_table(options: argparse.Namespace, name: str, rows: list[list[str]]) -
         "paper's measures; `sole low` is the speed of every foot within 1 cm of the floor, whatever its label;",
         "`whole body` counts any crossing of any limb, the torso, the head or the feet outside the seat's.",
         "",
-        f"Made by `python -m nox -s rooms -- {' '.join(sys.argv[3:])}`.",
+        f"Made by `python -m nox -s rooms -- {' '.join(said)}`.",
         "",
     ]
     (options.out / f"{name}.md").write_text("\n".join(lines), encoding="utf-8")

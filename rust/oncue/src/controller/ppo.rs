@@ -270,6 +270,7 @@ mod tests {
         use crate::settings::Settings;
         let mut settings = Settings::default();
         settings.ppo.policy_rate = 3e-3;
+        settings.ppo.log_std_future = -1.2;
         let mut rng = Pcg64::seed_from_u64(3);
         let mut policy = Policy::new(4, &settings, &mut rng);
         let mut ppo = Ppo::new(&policy, &settings.ppo, 1);
