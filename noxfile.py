@@ -214,7 +214,8 @@ def test(session: nox.Session) -> None:
     archive = build_extension(session, wheel)
     found = blenders(session)
     for blender in found if every else dict.fromkeys([found[0], found[-1]]):
-        python = blender_environment(session, blender)
+        # The same core outside the archive, in place of one that `demo` may have left there.
+        python = blender_environment(session, blender, wheel)
         resources = LOCAL / f"resources-{blender.version}"
         shutil.rmtree(resources, ignore_errors=True)
         session.log(f"Blender {blender.version}")
