@@ -25,6 +25,11 @@ pub fn to_angle_axis(rotation: Quat) -> Vec3 {
     if sine < 1e-7 { 2.0 * v } else { v * (2.0 * sine.atan2(q.w) / sine) }
 }
 
+/// Angle between two rotations, radians, exact near zero too, where the arc cosine of a rounded product is off by thousandths.
+pub fn angle_between(a: Quat, b: Quat) -> f32 {
+    to_angle_axis(a * b.inverse()).length()
+}
+
 /// Rotation of an angle-axis vector in radians.
 pub fn from_angle_axis(v: Vec3) -> Quat {
     Quat::from_scaled_axis(v)
@@ -66,6 +71,17 @@ mod tests {
         let lean = Quat::from_rotation_z(0.7) * Quat::from_rotation_x(0.4);
         assert!((yaw(lean) - 0.7).abs() < 1e-5);
         assert!((wrap_angle(3.0 * PI) - PI).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_small_angle_is_exact() {
+        let a = Quat::from_scaled_axis(Vec3::new(0.3, -1.2, 2.0));
+        for angle in [0.0, 1e-4, 0.5, 3.0] {
+            let b = Quat::from_axis_angle(Vec3::Y, angle) * a;
+            assert!(
+                (angle_between(a, b) - angle).abs() < 1e-5 && (angle_between(a, -b) - angle).abs() < 1e-5
+            );
+        }
     }
 
     proptest! {
