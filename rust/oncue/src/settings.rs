@@ -252,6 +252,8 @@ pub struct PpoSettings {
     pub seconds: f32,
     /// Share of episodes that begin elsewhere on the clear floor, facing anywhere.
     pub vary_start: f32,
+    /// Begin with the policy that ships with Oncue where there is none for the scene, not from scratch.
+    pub prior: bool,
 }
 
 impl Default for PpoSettings {
@@ -275,6 +277,7 @@ impl Default for PpoSettings {
             solved: 0.5,
             seconds: 600.0,
             vary_start: 0.5,
+            prior: true,
         }
     }
 }
@@ -283,6 +286,9 @@ impl Default for PpoSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct KeptSettings {
+    /// Rollouts of a policy that is there already, before anything is optimized; a clean motion among them is kept.
+    /// 0: never.
+    pub glance: usize,
     /// Rollouts of the policy from the task's start; the best by the report's figures is kept. 1: the policy's mean alone.
     pub rollouts: usize,
     /// Rounds in which new rollouts branch off the best one so far.
@@ -291,7 +297,7 @@ pub struct KeptSettings {
 
 impl Default for KeptSettings {
     fn default() -> Self {
-        Self { rollouts: 128, rounds: 3 }
+        Self { glance: 24, rollouts: 128, rounds: 3 }
     }
 }
 
@@ -328,6 +334,8 @@ impl Settings {
                 settings.ppo.updates = 200;
                 settings.ppo.seconds = 2400.0;
                 settings.ppo.vary_start = 0.0;
+                settings.ppo.prior = false;
+                settings.kept.glance = 0;
                 settings.kept.rollouts = 1;
                 settings.kept.rounds = 0;
             }

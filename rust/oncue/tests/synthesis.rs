@@ -1,6 +1,7 @@
 //! The main job on a room made in code: what must hold of every motion, whatever the task.
 
 use glam::{Quat, Vec3};
+use oncue::library::database::MotionDatabase;
 use oncue::library::starter;
 use oncue::metrics::foot_figures;
 use oncue::motion::Joint;
@@ -66,7 +67,10 @@ fn small() -> Settings {
 fn run(task: &Task, seed: u64) -> Synthesis {
     let progress = Progress::new();
     let library = starter::generate(&progress).expect("the starter library");
-    synthesize(&room(), &library, task, &small(), seed, &progress).expect("a motion")
+    let settings = small();
+    let database =
+        MotionDatabase::build(&library, &settings.synthesizer.weights, &progress).expect("a database");
+    synthesize(&room(), &database, task, None, &settings, seed, &progress).expect("a motion")
 }
 
 /// Largest change of a joint's rotation from one frame to the next, and of that change, radians.

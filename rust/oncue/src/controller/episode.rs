@@ -115,6 +115,11 @@ impl<'a> Environment<'a> {
         Self { scene, database, task, settings, path, walk_weights, starts }
     }
 
+    /// Places on the clear floor from which the cue can be reached, 15 cm apart.
+    pub fn starts(&self) -> &[Vec2] {
+        &self.starts
+    }
+
     pub fn state_size(&self) -> usize {
         state_size(&self.settings.state)
     }

@@ -14,6 +14,7 @@ use crate::error::Result;
 use crate::motion::{FRAME_RATE, Motion};
 use crate::nn::Activations;
 use crate::progress::Progress;
+use crate::settings::KeptSettings;
 
 /// The kept motion and its figures.
 #[derive(Debug, Clone)]
@@ -40,14 +41,26 @@ struct Candidate {
     cost: f32,
 }
 
+impl KeptMotion {
+    /// Nothing that an artist would mind: the cue met, no limb in the scene, no detour.
+    pub fn is_clean(&self, environment: &Environment) -> bool {
+        let tally = &self.tally;
+        let shortest = environment.path.distance(environment.task.start.planar().position);
+        environment.succeeded(self.end, tally)
+            && tally.penetrating == 0
+            && tally.touching * 100 <= tally.frames
+            && tally.travelled <= 1.3 * shortest + 0.2
+    }
+}
+
 /// Plays the policy from the task's start and keeps the best motion.
 pub fn keep_motion(
     environment: &Environment,
     policy: &Policy,
+    settings: &KeptSettings,
     seed: u64,
     progress: &Progress,
 ) -> Result<KeptMotion> {
-    let settings = &environment.settings.kept;
     let map = policy.normalizer.map();
     let mut best: Option<Candidate> = None;
     let (mut rollouts, mut succeeded) = (0, 0);

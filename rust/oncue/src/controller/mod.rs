@@ -7,13 +7,16 @@ pub mod episode;
 pub mod kept;
 pub mod optimize;
 pub mod policy;
+pub mod policy_file;
 pub mod ppo;
+pub mod practice;
 pub mod reward;
 pub mod rollout;
 pub mod signal;
 pub mod state;
 
 pub use episode::{Environment, EpisodeEnd};
-pub use kept::keep_motion;
+pub use kept::{KeptMotion, keep_motion};
 pub use optimize::{OptimizedPolicy, optimize_policy};
 pub use policy::Policy;
+pub use policy_file::{KeptPolicy, PolicyOrigin};

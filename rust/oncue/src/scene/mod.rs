@@ -58,6 +58,7 @@ thread_local! {
 #[derive(Debug)]
 pub struct SceneIndex {
     settings: SceneSettings,
+    fingerprint: String,
     triangle_count: usize,
     bounds: (Vec3, Vec3),
     floor_height: f32,
@@ -82,6 +83,7 @@ impl SceneIndex {
         let first = corners[0][0];
         let bounds = corners.iter().flatten().fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v)));
         progress.fraction(0.1);
+        let fingerprint = mesh::fingerprint(&corners, settings);
         let tree = TriangleTree::build(&corners, progress)?;
         progress.fraction(0.7);
         let floor_height =
@@ -94,6 +96,7 @@ impl SceneIndex {
         progress.fraction(1.0);
         Ok(SceneIndex {
             settings: settings.clone(),
+            fingerprint,
             triangle_count: corners.len(),
             bounds,
             floor_height,
@@ -105,6 +108,11 @@ impl SceneIndex {
 
     pub fn settings(&self) -> &SceneSettings {
         &self.settings
+    }
+
+    /// BLAKE3 of the triangles and the settings, hexadecimal: changes when anything in the scene moves.
+    pub fn fingerprint(&self) -> &str {
+        &self.fingerprint
     }
 
     /// Triangles that have an area.
