@@ -37,7 +37,7 @@ fn main() -> Result<(), AnyError> {
     let mut settings = Settings::default();
     settings.ppo.tuples = 30_000;
     settings.ppo.vary_start = 1.0;
-    settings.ppo.updates = 25;
+    settings.ppo.updates = updates.min(25);
     settings.ppo.solved = 1.1;
     settings.ppo.seconds = f32::INFINITY;
 
@@ -69,7 +69,6 @@ fn main() -> Result<(), AnyError> {
     let mut done = kept.as_ref().map_or(0, |k| k.origin.updates);
     let last = done + updates;
     while done < last {
-        let block = (last - done).min(25);
         let begin = kept.as_ref().map(|k| k.policy.clone());
         let optimized = optimize_policy(&environments, begin, seed + done as u64, &progress)?;
         for figures in &optimized.curve {

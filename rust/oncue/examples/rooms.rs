@@ -93,7 +93,11 @@ fn main() -> Result<(), AnyError> {
                     r.shortest_path_m,
                     r.rollouts_succeeded,
                     r.rollouts,
-                    r.problems.join(" ")
+                    if r.penetration.parts_percent.is_empty() {
+                        r.problems.join(" ")
+                    } else {
+                        format!("{:?} {}", r.penetration.parts_percent, r.problems.join(" "))
+                    }
                 );
                 if let Some(out) = &a.out {
                     std::fs::create_dir_all(out)?;

@@ -13,7 +13,7 @@ use crate::motion::{FRAME_RATE, Motion};
 use crate::progress::Progress;
 use crate::report::{PolicySource, REPORT_VERSION, Report};
 use crate::scene::{SceneIndex, check_task};
-use crate::settings::{KeptSettings, Settings};
+use crate::settings::Settings;
 
 /// A motion, its report, and the policy that played it.
 #[derive(Debug, Clone)]
@@ -26,9 +26,10 @@ pub struct Synthesis {
 
 /// M = LAMA(W, Φ, g_init) (LAMA, eq. 1), up to the motion editor.
 ///
-/// `kept` is a policy for the scene and the library: where it serves the task its motion is taken at once, and where
-/// it does not it is fine-tuned (section 3.5). Without one the shipped prior takes its place, unless the settings have
-/// a policy begin from scratch. The same seed, settings and policy give the same motion on any number of threads.
+/// `kept` is a policy of the same scene and library. Where the shipped prior, or else `kept`, serves the task, its
+/// motion is taken at once; where neither does, `kept` (or the prior) is fine-tuned (section 3.5). The prior comes
+/// first so that a motion depends on what was kept only where the prior fails. Settings may have every policy begin
+/// from scratch. The same seed, settings and policy give the same motion on any number of threads.
 ///
 /// # Errors
 /// `Unreachable` or `Input` when the task cannot be met as given, before anything is optimized; `Cancelled`.
@@ -47,8 +48,9 @@ pub fn synthesize(
     let environment = Environment::new(scene, database, task, settings);
     laps.done("check");
 
-    let (start, source) = starting_policy(kept, settings);
-    let Found { mut kept, policy, learning } = find_motion(&environment, start, seed, progress, &mut laps)?;
+    let there = policies_there(kept, settings);
+    let Found { mut kept, policy, source, learning } =
+        find_motion(&environment, &there, seed, progress, &mut laps)?;
 
     let complete = kept.motion.len().saturating_sub(1);
     let mut motion = std::mem::take(&mut kept.motion);
@@ -62,12 +64,11 @@ pub fn synthesize(
 
     progress.stage("Measuring");
     let floor = task.start.position.z;
-    let sits = task.cue.action_type == ActionType::Sit && kept.end == EpisodeEnd::Complete;
-    let descent = motion.postures.iter().rposition(|p| p.root_position.z - floor > 0.85).map(|f| f + 1);
+    let seat = kept.episode.action_from.zip(task.cue.seat_height());
     let cues: Vec<_> = residual(&task.cue, &motion, complete).into_iter().collect();
     let foot = foot_figures(&motion, floor);
     let ignore = settings.reward.ignore_below;
-    let penetration = penetration_figures(&motion, scene, floor, ignore, descent.filter(|_| sits));
+    let penetration = penetration_figures(&motion, scene, floor, ignore, seat);
     laps.done("measure");
 
     let problems = problems(kept.end, &cues, task);
@@ -97,23 +98,20 @@ pub fn synthesize(
     Ok(Synthesis { motion, report, policy })
 }
 
-/// The policy to begin with: the scene's own, else the prior, else none.
-fn starting_policy<'a>(
+/// The policies that can be played before any is optimized.
+fn policies_there<'a>(
     kept: Option<&'a KeptPolicy>,
     settings: &Settings,
-) -> (Option<&'a KeptPolicy>, PolicySource) {
-    if let Some(kept) = kept.filter(|k| k.fits(settings)) {
-        return (Some(kept), PolicySource::Kept);
-    }
-    match KeptPolicy::prior().filter(|p| settings.ppo.prior && p.fits(settings)) {
-        Some(prior) => (Some(prior), PolicySource::Prior),
-        None => (None, PolicySource::Scratch),
-    }
+) -> Vec<(&'a KeptPolicy, PolicySource)> {
+    let prior = KeptPolicy::prior().filter(|_| settings.ppo.prior).map(|p| (p, PolicySource::Prior));
+    let kept = kept.map(|k| (k, PolicySource::Kept));
+    prior.into_iter().chain(kept).filter(|(policy, _)| policy.fits(settings)).collect()
 }
 
 struct Found {
     kept: KeptMotion,
     policy: KeptPolicy,
+    source: PolicySource,
     learning: Learning,
 }
 
@@ -124,42 +122,45 @@ struct Learning {
     rollout_seconds: f32,
 }
 
-/// The motion of `start` where it serves the task, else that of a policy optimized from it.
+/// The motion of a policy that is there where one serves the task, else that of one optimized from the last of them.
 fn find_motion(
     environment: &Environment,
-    start: Option<&KeptPolicy>,
+    there: &[(&KeptPolicy, PolicySource)],
     seed: u64,
     progress: &Progress,
     laps: &mut Laps,
 ) -> Result<Found> {
     let settings = environment.settings;
     let task = environment.task;
-    let mut origin = start.map(|s| s.origin.clone()).unwrap_or_default();
-    origin.scene = environment.scene.fingerprint().to_owned();
-    origin.library = environment.database.library_checksum.clone();
-    origin.cues.retain(|cue| cue != &task.cue);
-    origin.cues.push(task.cue.clone());
+    let origin_from = |start: Option<&KeptPolicy>| {
+        let mut origin = start.map(|s| s.origin.clone()).unwrap_or_default();
+        origin.scene = environment.scene.fingerprint().to_owned();
+        origin.library = environment.database.library_checksum.clone();
+        origin.cues.retain(|cue| cue != &task.cue);
+        origin.cues.push(task.cue.clone());
+        origin
+    };
 
-    if let Some(start) = start.filter(|_| settings.kept.glance > 0) {
-        progress.stage("Playing the policy");
-        let glance = KeptSettings { rollouts: settings.kept.glance, rounds: 0, ..settings.kept.clone() };
-        for budget in [&glance, &settings.kept] {
-            let kept = keep_motion(environment, &start.policy, budget, seed, progress)?;
-            laps.done("play");
-            if kept.is_clean(environment) {
-                let policy = KeptPolicy { origin, ..start.clone() };
-                return Ok(Found { kept, policy, learning: Learning::default() });
-            }
+    progress.stage("Playing the policy");
+    for &(start, source) in there {
+        let kept = keep_motion(environment, &start.policy, seed, progress)?;
+        laps.done("play");
+        if environment.is_clean(kept.end, &kept.tally) {
+            let policy = KeptPolicy { origin: origin_from(Some(start)), ..start.clone() };
+            return Ok(Found { kept, policy, source, learning: Learning::default() });
         }
     }
 
+    let (start, source) =
+        there.last().map_or((None, PolicySource::Scratch), |&(p, source)| (Some(p), source));
     progress.stage("Optimizing");
     let begin = start.map(|s| s.policy.clone());
     let optimized = optimize_policy(std::slice::from_ref(environment), begin, seed, progress)?;
     laps.done("optimize");
     progress.stage("Choosing the best motion");
-    let kept = keep_motion(environment, &optimized.policy, &settings.kept, seed, progress)?;
+    let kept = keep_motion(environment, &optimized.policy, seed, progress)?;
     laps.done("keep");
+    let mut origin = origin_from(start);
     origin.updates += optimized.curve.len();
     origin.environment_steps += optimized.environment_steps;
     origin.success_rate = kept.succeeded as f32 / kept.rollouts.max(1) as f32;
@@ -168,7 +169,7 @@ fn find_motion(
         environment_steps: optimized.environment_steps,
         rollout_seconds: optimized.rollout_seconds,
     };
-    Ok(Found { kept, policy: KeptPolicy::new(optimized.policy, settings, origin), learning })
+    Ok(Found { kept, policy: KeptPolicy::new(optimized.policy, settings, origin), source, learning })
 }
 
 /// In words what went wrong; empty when nothing did.

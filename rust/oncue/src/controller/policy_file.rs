@@ -187,7 +187,7 @@ mod tests {
         assert_eq!(KeptPolicy::from_bytes(&back.to_bytes(), Path::new("p")).unwrap(), back);
         let furthest = kept.policy.policy.parameters.iter().zip(&back.policy.policy.parameters);
         assert!(furthest.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 1e-3);
-        assert_eq!((back.origin, back.policy.normalizer), (kept.origin, kept.policy.normalizer));
+        assert_eq!((&back.origin, &back.policy.normalizer), (&kept.origin, &kept.policy.normalizer));
         assert!(
             back.state == Settings::default().state && kept.belongs_to("a", "") && !kept.belongs_to("b", "")
         );

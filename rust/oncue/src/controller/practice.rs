@@ -11,10 +11,8 @@ use rand_pcg::Pcg64;
 
 use crate::cue::{ActionCue, ActionType};
 use crate::math::planar::rotate;
-use crate::motion::skeleton::REST_HIPS_HEIGHT;
+use crate::motion::skeleton::{REST_HIPS_HEIGHT, SEATED_HIPS_HEIGHT};
 
-/// The pelvis joint over the seat's surface, metres.
-const PELVIS_OVER_SEAT: f32 = 0.10;
 /// How often a piece is tried elsewhere before it is left out.
 const TRIES: usize = 24;
 
@@ -307,7 +305,7 @@ fn sofa(rng: &mut impl Rng) -> Piece {
     let pelvis = Vec3::new(
         rng.random_range(-slack..slack),
         half.y - back - rng.random_range(0.16..0.30),
-        seat + PELVIS_OVER_SEAT,
+        seat + SEATED_HIPS_HEIGHT,
     );
     Piece { parts, half, seat: Some(pelvis) }
 }
@@ -327,7 +325,7 @@ fn chair(rng: &mut impl Rng) -> Piece {
     Piece {
         parts,
         half,
-        seat: Some(Vec3::new(0.0, half.y - rng.random_range(0.16..0.24), seat + PELVIS_OVER_SEAT)),
+        seat: Some(Vec3::new(0.0, half.y - rng.random_range(0.16..0.24), seat + SEATED_HIPS_HEIGHT)),
     }
 }
 
@@ -340,7 +338,11 @@ fn stool(rng: &mut impl Rng) -> Piece {
     } else {
         parts[0].0.z = 0.0;
     }
-    Piece { parts, half, seat: Some(Vec3::new(0.0, rng.random_range(-0.02..0.06), seat + PELVIS_OVER_SEAT)) }
+    Piece {
+        parts,
+        half,
+        seat: Some(Vec3::new(0.0, rng.random_range(-0.02..0.06), seat + SEATED_HIPS_HEIGHT)),
+    }
 }
 
 fn table(rng: &mut impl Rng) -> Piece {
@@ -392,7 +394,7 @@ mod tests {
                 if sit {
                     // The seat lies under the cue.
                     let down = scene.ray(cue.position, Vec3::NEG_Z, 0.5).expect("a seat");
-                    assert!((down - PELVIS_OVER_SEAT).abs() < 1e-3, "{down}");
+                    assert!((down - SEATED_HIPS_HEIGHT).abs() < 1e-3, "{down}");
                 }
             }
         }
