@@ -140,7 +140,7 @@ fn shins_stay_out_of_the_seat() {
                     let point = pose.position(knee).lerp(pose.position(foot), k as f32 / 10.0);
                     let local = seat.point_to_local(point.truncate());
                     // Tucked feet stand a little under the seat's edge, between its legs.
-                    let under = if clip.name.contains("tucked") { 0.03 } else { 0.0 };
+                    let under = if clip.name.contains("tucked") { 0.045 } else { 0.0 };
                     let behind_edge = local.y + PELVIS_BEHIND_EDGE - under;
                     let inside =
                         behind_edge > 0.0 && behind_edge < 0.45 && local.x.abs() < 0.25 && point.z < top;
