@@ -179,11 +179,4 @@ def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: st
 CLASSES = (ONCUE_UL_library, ONCUE_PT_cues, ONCUE_PT_library, ONCUE_PT_settings, ONCUE_PT_synthesize, ONCUE_PT_results)
 
 
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -190,14 +190,16 @@ class Run:
         while not self._finished:
             if self._job is not None and not self._job.done():
                 return False
+            if self._cancelled:
+                self._steps.close()
+                self._finished = True
+                break
             try:
                 self._job = next(self._steps)
             except StopIteration as stop:
                 self._value, self._finished = stop.value, True
             except Exception as error:  # kept for result(), which raises it where it is shown
                 self._error, self._finished = error, True
-            if self._cancelled and self._job is not None and not self._finished:
-                self._job.cancel()
         return True
 
     def wait(self, timeout_s: float) -> bool:
