@@ -30,12 +30,14 @@ class JobHandle:
         self.title = ""
         #: Why the last run was stopped or failed, for the panel; empty after a success.
         self.message = ""
+        #: Whether that is a failure; a run that somebody stopped did not fail.
+        self.failed = False
         self._timer, self._window_manager = None, None
         #: Cancelled runs whose threads may still be at work.
         self._leaving: list[Run] = []
 
     def start(self, context: bpy.types.Context, title: str, run: Run) -> None:
-        self.run, self.title, self.message = run, title, ""
+        self.run, self.title, self.message, self.failed = run, title, "", False
         self._window_manager = context.window_manager
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
 
@@ -49,7 +51,7 @@ class JobHandle:
         """Cancels the task and lets it go at once; its threads stop by themselves."""
         if self.run is None:
             return
-        self.message = why
+        self.message, self.failed = why, False
         self.run.cancel()
         self._leaving = [run for run in (*self._leaving, self.run) if not run.poll()]
         self.end()
@@ -145,12 +147,9 @@ class JobOperator:
         return {"FINISHED"}
 
     def _refused(self, error: BaseException) -> set[str]:
-        if native.is_cancelled(error):
-            handle.message = CANCELLED
-            self.report({"INFO"}, handle.message)
-        else:
-            handle.message = sentence(error)
-            self.report({"ERROR"}, handle.message)
+        handle.failed = not native.is_cancelled(error)
+        handle.message = sentence(error) if handle.failed else CANCELLED
+        self.report({"ERROR" if handle.failed else "INFO"}, handle.message)
         return {"CANCELLED"}
 
 

@@ -109,9 +109,7 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
         row.scale_y = 1.6
         row.operator("oncue.synthesize", icon="ARMATURE_DATA")
         if handle.message:
-            write_lines(
-                context, layout.box(), handle.message, "INFO" if "cancelled" in handle.message.lower() else "ERROR"
-            )
+            write_lines(context, layout.box(), handle.message, "ERROR" if handle.failed else "INFO")
             if "Set Scene Scale" in handle.message:
                 row = layout.row(align=True)
                 for label, scale in (("Centimetres", 0.01), ("Millimetres", 0.001), ("Metres", 1.0)):

@@ -81,9 +81,7 @@ def run(options: argparse.Namespace, work: Path, room: str, task: str) -> list[s
     sheet = options.out / f"{work.name}-{room}-{task}.jpg"
     if not options.no_sheets and not sheet.exists():
         png = work / f"{room}-{task}.png"
-        quietly(
-            [options.python, str(ROOT / "blend_fixtures/render.py"), str(result), "--sheet", str(png), "--frames", "6"]
-        )
+        quietly([options.python, str(ROOT / "blend_fixtures/render.py"), str(result), "--sheet", str(png)])
         with Image.open(png) as image:
             image.convert("RGB").resize((1680, round(image.height * 1680 / image.width))).save(sheet, quality=82)
     seconds = (work / f"{room}-{task}.seconds").read_text()
