@@ -14,9 +14,10 @@ import numpy as np
 
 from .. import native
 from ..errors import SceneError
+from ..motion import Motion
 from ..pipeline import LibraryChoice, Outcome, Request
 from . import armature, compat
-from .action_writer import Motion, write_action
+from .action_writer import write_action
 from .cue_reader import read_task
 from .names import REPORT_KEY
 from .scene_reader import read_scene

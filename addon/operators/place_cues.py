@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Placing cues: at the 3D cursor, on the selected seat, and feet beside a cue."""
+"""Placing cues: at the 3D cursor, on the selected seat, feet beside a cue, and hands on what they hold."""
 
 from __future__ import annotations
 
 import bpy
-from bpy.props import EnumProperty
+from bpy.props import EnumProperty, IntProperty
 
-from ..bridge import cue_objects, seat_finder
+from ..bridge import cue_objects, hand_reader, seat_finder
 from .button import Button
 
 
@@ -71,7 +71,36 @@ class ONCUE_OT_place_foot(Button, bpy.types.Operator):
         cue_objects.place_foot(context, self.side, context.scene.oncue.scene_scale)
 
 
-CLASSES = (ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_place_foot)
+class ONCUE_OT_place_hand(Button, bpy.types.Operator):
+    """Place a hand cue, which the hand follows for some frames: on the selected vertex (edit mode), or at the cursor. \
+It goes along with the selected object"""
+
+    bl_idname = "oncue.place_hand"
+    bl_label = "Place Hand"
+
+    kind: EnumProperty(
+        name="Hand",
+        items=[("left_hand", "Left", ""), ("right_hand", "Right", ""), ("both_hands", "Both", "")],
+        options={"SKIP_SAVE"},
+    )
+    first_frame: IntProperty(name="First Frame", description="When the hand is there first", options={"SKIP_SAVE"})
+    last_frame: IntProperty(name="Last Frame", description="When the hand lets go", options={"SKIP_SAVE"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        scene = context.scene
+        if not self.properties.is_property_set("first_frame"):
+            self.first_frame, self.last_frame = self._usual_range(context)
+        cue_objects.place_hand(context, self.kind, self.first_frame, self.last_frame, scene.oncue.scene_scale)
+
+    def _usual_range(self, context: bpy.types.Context) -> tuple[int, int]:
+        """The frames over which what the hand holds moves, else two seconds from the current frame on."""
+        now, seconds = context.scene.frame_current, 2.0
+        held = context.active_object
+        found = cue_objects.animated_range(held) if held and held.select_get() else None
+        return found or (now, now + round(seconds * hand_reader.frame_rate(context.scene)))
+
+
+CLASSES = (ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_place_foot, ONCUE_OT_place_hand)
 
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)
