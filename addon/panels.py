@@ -9,10 +9,13 @@ import bpy
 
 from . import native
 from .bridge import session
-from .bridge.cue_reader import ENDS, FEET, visible_cues
-from .bridge.names import CUE_KEY
+from .bridge.cue_objects import KINDS
+from .bridge.cue_reader import ENDS, HANDS, visible_cues
+from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
+from .bridge.pins import read_pins
 from .job_operator import handle
 
+CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
 #: Pixels that a character of the interface's font is wide, on average.
 CHARACTER_WIDTH = 7
 
@@ -34,20 +37,35 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
         row.operator("oncue.place_cue", text="Sit", icon="EMPTY_SINGLE_ARROW").kind = "sit"
         row.operator("oncue.place_cue", text="Stop", icon="SNAP_FACE").kind = "stop"
         layout.operator("oncue.sit_on_selection", icon="FACESEL")
-        row = layout.row(align=True)
-        row.operator("oncue.place_foot", text="Left Foot").side = "left"
-        row.operator("oncue.place_foot", text="Right Foot").side = "right"
         column = layout.column(align=True)
-        cues = visible_cues(context, "start", *ENDS, *FEET)
+        cues = visible_cues(context, *KINDS)
         for cue in cues:
-            row = column.row()
-            row.label(text=cue.name, icon="EMPTY_AXIS")
-            row.label(text=cue[CUE_KEY].replace("_", " "))
+            row = column.row(align=True)
+            row.label(text=cue.name, icon=CUE_ICONS.get(cue[CUE_KEY], "DOT"))
+            if cue[CUE_KEY] in HANDS:
+                for key in (FIRST_FRAME_KEY, LAST_FRAME_KEY):
+                    row.prop(cue, f'["{key}"]', text="")
         kinds = {cue[CUE_KEY] for cue in cues}
         if "start" not in kinds:
             column.label(text="No Start cue yet", icon="INFO")
         if not kinds & set(ENDS):
             column.label(text="No Sit or Stop cue yet", icon="INFO")
+
+
+class ONCUE_PT_limbs(OncuePanel, bpy.types.Panel):
+    bl_label = "Feet and Hands"
+    bl_parent_id = "ONCUE_PT_cues"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        column = self.layout.column(align=True)
+        row = column.row(align=True)
+        row.operator("oncue.place_foot", text="Left Foot").side = "left"
+        row.operator("oncue.place_foot", text="Right Foot").side = "right"
+        row = column.row(align=True)
+        row.operator("oncue.place_hand", text="Left Hand").kind = "left_hand"
+        row.operator("oncue.place_hand", text="Right Hand").kind = "right_hand"
+        row.operator("oncue.place_hand", text="Both").kind = "both_hands"
 
 
 class ONCUE_PT_library(OncuePanel, bpy.types.Panel):
@@ -132,6 +150,26 @@ class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
             write_lines(context, layout.box(), problem, "ERROR")
 
 
+class ONCUE_PT_edit(OncuePanel, bpy.types.Panel):
+    bl_label = "Edit"
+    bl_order = 5
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return session.current_action(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        row = layout.row(align=True)
+        row.operator("oncue.pin", icon="PINNED")
+        row.operator("oncue.pin", text="Pin over Frames", icon="PREVIEW_RANGE").over_range = True
+        column = layout.column(align=True)
+        for index, pin in enumerate(read_pins(session.current_action(context.scene))):
+            row = column.row(align=True)
+            row.label(text=pin.title, icon="KEY_HLT" if pin.is_key else "PINNED")
+            row.operator("oncue.remove_pin", text="", icon="X", emboss=False).index = index
+
+
 def result_lines(report: dict) -> list[tuple[str, str]]:
     """The figures of a report as (line, icon)."""
     lines = []
@@ -174,7 +212,10 @@ def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: st
         column.label(text=line, icon=icon if k == 0 else "BLANK1")
 
 
-CLASSES = (ONCUE_UL_library, ONCUE_PT_cues, ONCUE_PT_library, ONCUE_PT_settings, ONCUE_PT_synthesize, ONCUE_PT_results)
+CLASSES = (
+    *(ONCUE_UL_library, ONCUE_PT_cues, ONCUE_PT_limbs, ONCUE_PT_library, ONCUE_PT_settings),
+    *(ONCUE_PT_synthesize, ONCUE_PT_results, ONCUE_PT_edit),
+)
 
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

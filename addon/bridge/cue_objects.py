@@ -51,6 +51,8 @@ def make_cue(
     cue.empty_display_size = size / metres_per_unit
     cue.color = color
     cue.show_in_front = True
+    # Two feet and two hands lie side by side: their names tell them apart.
+    cue.show_name = kind not in ("start", "sit", "stop")
     cue.rotation_euler = (0.0, 0.0, yaw)
     cue.location = position
     oncue_collection(context).objects.link(cue)

@@ -21,6 +21,7 @@ from .action_writer import write_action
 from .cue_reader import read_task
 from .names import REPORT_KEY
 from .scene_reader import read_scene
+from .take import keep_solved, solved_take
 
 
 def library_choice(scene: bpy.types.Scene) -> LibraryChoice:
@@ -73,17 +74,28 @@ def write_outcome(
     if character is None:
         character = armature.make_character(context, skeleton, settings.scene_scale)
     settings.character = character
-    cue = request.task["cue"]["name"]
-    return write_action(
+    motion = Motion(np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate))
+    action = write_action(
         context,
         character,
         list(skeleton["names"]),
-        Motion(np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate)),
-        name=f"{cue} seed {request.seed}",
+        motion,
+        name=f"{request.task['cue']['name']} seed {request.seed}",
         start_frame=settings.start_frame,
         metres_per_unit=settings.scene_scale,
         report=_report(request, outcome, skipped),
     )
+    solved = solved_take(
+        scene,
+        character,
+        list(skeleton["names"]),
+        motion,
+        np.asarray(synthesis.contacts),
+        start_frame=settings.start_frame,
+        metres_per_unit=settings.scene_scale,
+    )
+    keep_solved(action, solved)
+    return action
 
 
 def _report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) -> dict:
@@ -115,9 +127,14 @@ def report_of(action: bpy.types.Action | None) -> dict | None:
 
 def current_report(scene: bpy.types.Scene) -> dict | None:
     """The report of the action that the scene's character plays."""
+    return report_of(current_action(scene))
+
+
+def current_action(scene: bpy.types.Scene) -> bpy.types.Action | None:
+    """The action that the scene's character plays."""
     character = scene.oncue.character
     data = character.animation_data if character else None
-    return report_of(data.action) if data else None
+    return data.action if data else None
 
 
 def problems_of(report: dict) -> list[str]:
