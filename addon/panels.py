@@ -17,7 +17,7 @@ from .job_operator import handle
 
 CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
 #: Pixels that a character of the interface's font is wide, on average.
-CHARACTER_WIDTH = 7
+CHARACTER_WIDTH = 6.5
 
 
 class OncuePanel:
@@ -37,8 +37,13 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
         row.operator("oncue.place_cue", text="Sit", icon="EMPTY_SINGLE_ARROW").kind = "sit"
         row.operator("oncue.place_cue", text="Stop", icon="SNAP_FACE").kind = "stop"
         layout.operator("oncue.sit_on_selection", icon="FACESEL")
+        header, limbs = layout.panel("oncue_limbs", default_closed=True)
+        header.label(text="Feet and Hands")
+        if limbs:
+            _draw_limbs(limbs.column(align=True))
         column = layout.column(align=True)
-        cues = visible_cues(context, *KINDS)
+        order = list(KINDS)
+        cues = sorted(visible_cues(context, *KINDS), key=lambda cue: order.index(cue[CUE_KEY]))
         for cue in cues:
             row = column.row(align=True)
             row.label(text=cue.name, icon=CUE_ICONS.get(cue[CUE_KEY], "DOT"))
@@ -50,22 +55,6 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
             column.label(text="No Start cue yet", icon="INFO")
         if not kinds & set(ENDS):
             column.label(text="No Sit or Stop cue yet", icon="INFO")
-
-
-class ONCUE_PT_limbs(OncuePanel, bpy.types.Panel):
-    bl_label = "Feet and Hands"
-    bl_parent_id = "ONCUE_PT_cues"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        column = self.layout.column(align=True)
-        row = column.row(align=True)
-        row.operator("oncue.place_foot", text="Left Foot").side = "left"
-        row.operator("oncue.place_foot", text="Right Foot").side = "right"
-        row = column.row(align=True)
-        row.operator("oncue.place_hand", text="Left Hand").kind = "left_hand"
-        row.operator("oncue.place_hand", text="Right Hand").kind = "right_hand"
-        row.operator("oncue.place_hand", text="Both").kind = "both_hands"
 
 
 class ONCUE_PT_library(OncuePanel, bpy.types.Panel):
@@ -144,8 +133,9 @@ class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, report = self.layout, session.current_report(context.scene)
+        column = layout.column(align=True)
         for line, icon in result_lines(report):
-            layout.label(text=line, icon=icon)
+            column.label(text=line, icon=icon)
         for problem in session.problems_of(report):
             write_lines(context, layout.box(), problem, "ERROR")
 
@@ -180,14 +170,24 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
             if miss is not None:
                 lines.append((f"    {side} foot {miss:.1f} cm", "BLANK1"))
     if "foot" in report:
-        lines.append((f"Foot contact {report['foot']['contact_cm']:.1f} cm", "BLANK1"))
-        lines.append((f"Skate {report['foot']['skate_cm']:.2f} cm a frame", "BLANK1"))
+        lines.append((f"Feet {report['foot']['contact_cm']:.1f} cm over the floor,", "BLANK1"))
+        lines.append((f"    sliding {report['foot']['skate_cm']:.2f} cm a frame", "BLANK1"))
     if "penetration" in report:
-        lines.append((f"Penetration {report['penetration']['percent']:.1f} % of the frames", "BLANK1"))
+        lines.append((f"Clipping in {report['penetration']['percent']:.1f} % of the frames", "BLANK1"))
     seconds = report.get("extension", {}).get("seconds", {})
     if seconds:
         lines.append((f"Made in {sum(seconds.values()):.0f} s, seed {report.get('seed', 0)}", "TIME"))
     return lines
+
+
+def _draw_limbs(column: bpy.types.UILayout) -> None:
+    row = column.row(align=True)
+    row.operator("oncue.place_foot", text="Left Foot").side = "left"
+    row.operator("oncue.place_foot", text="Right Foot").side = "right"
+    row = column.row(align=True)
+    row.operator("oncue.place_hand", text="Left Hand").kind = "left_hand"
+    row.operator("oncue.place_hand", text="Right Hand").kind = "right_hand"
+    row.operator("oncue.place_hand", text="Both").kind = "both_hands"
 
 
 def _draw_progress(layout: bpy.types.UILayout) -> None:
@@ -213,7 +213,7 @@ def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: st
 
 
 CLASSES = (
-    *(ONCUE_UL_library, ONCUE_PT_cues, ONCUE_PT_limbs, ONCUE_PT_library, ONCUE_PT_settings),
+    *(ONCUE_UL_library, ONCUE_PT_cues, ONCUE_PT_library, ONCUE_PT_settings),
     *(ONCUE_PT_synthesize, ONCUE_PT_results, ONCUE_PT_edit),
 )
 

@@ -302,3 +302,9 @@ def test_disabling_the_extension_stops_the_run(desktop):
     enabled = desktop.until("the enabling", lambda s: s["enabled"], timeout=30, since=pressed)
     assert enabled["actions"]
     assert not enabled["at_work"]
+
+
+def test_nothing_was_said_that_should_not_be(desktop):
+    """Panels and overlays draw in every state above; what goes wrong in there only shows in the program's words."""
+    said = (PICTURES / "blender.log").read_text()
+    assert "Traceback" not in said, said[-3000:]
