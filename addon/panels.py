@@ -170,8 +170,8 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
             if miss is not None:
                 lines.append((f"    {side} foot {miss:.1f} cm", "BLANK1"))
     if "foot" in report:
-        lines.append((f"Feet {report['foot']['contact_cm']:.1f} cm over the floor,", "BLANK1"))
-        lines.append((f"    sliding {report['foot']['skate_cm']:.2f} cm a frame", "BLANK1"))
+        lines.append((f"Foot contact {report['foot']['contact_cm']:.1f} cm", "BLANK1"))
+        lines.append((f"Skate {report['foot']['skate_cm']:.2f} cm a frame", "BLANK1"))
     if "penetration" in report:
         lines.append((f"Clipping in {report['penetration']['percent']:.1f} % of the frames", "BLANK1"))
     seconds = report.get("extension", {}).get("seconds", {})
