@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Motion as arrays, and what Blender's side does with it: another frame rate, and joints in the world."""
+"""Motion as arrays, and the same at another frame rate."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .quaternions import multiply, rotate, slerp
+from .quaternions import slerp
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,3 @@ def resample(motion: Motion, frame_rate: float) -> Motion:
         slerp(rotations[first], rotations[second], part[:, None]),
         frame_rate,
     )
-
-
-def joints_in_world(skeleton: dict, root_position: np.ndarray, rotations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Forward kinematics of one posture: places (joints, 3), metres, and rotations (joints, 4) in the world."""
-    places, turns = np.empty((len(rotations), 3)), np.array(rotations, dtype=np.float64)
-    places[0] = root_position
-    for joint, parent in enumerate(skeleton["parents"]):
-        if joint:
-            turns[joint] = multiply(turns[parent], turns[joint])
-            offset = np.asarray(skeleton["joint_offsets"][joint], dtype=np.float64)
-            places[joint] = places[parent] + rotate(turns[parent], offset)
-    return places, turns

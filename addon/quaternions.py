@@ -24,13 +24,6 @@ def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     )
 
 
-def rotate(q: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """The vectors (…, 3) turned by unit quaternions."""
-    w, axis = q[..., :1], q[..., 1:]
-    twice = 2.0 * np.cross(axis, vectors)
-    return vectors + w * twice + np.cross(axis, twice)
-
-
 def slerp(a: np.ndarray, b: np.ndarray, part: np.ndarray) -> np.ndarray:
     """Spherical interpolation by the shorter way; `part` in 0..1 broadcasts over (…)."""
     dot = np.sum(a * b, axis=-1)

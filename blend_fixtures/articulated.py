@@ -57,9 +57,8 @@ def object_task(scene: bpy.types.Scene, glb: Path, row: dict[str, str]) -> bpy.t
     contact = Vector(_numbers(row["contact_xyz"])) + raised
     _animate(scene, part, row, axis, origin)
 
-    path = np.array(
-        [_moved(row, axis, origin, contact, value) for value in np.linspace(0, float(row["range_max"]), 13)]
-    )
+    opening = np.linspace(0.0, float(row["range_max"]), 13)
+    path = np.array([_motion(row, axis, origin, value) @ contact for value in opening])
     _cues_before(scene, path, origin, row["joint"] == "hinge" and abs(axis.z) > 0.5, bool(lift))
     _select(part)
     scene.cursor.location = contact

@@ -20,19 +20,15 @@ from .names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
 
 #: The core's frames a second.
 CORE_RATE = 30.0
-#: Kind of the cue → the joints that follow it.
-JOINTS = {
-    "left_hand": ("LeftHand",),
-    "right_hand": ("RightHand",),
-    "both_hands": ("LeftHand", "RightHand"),
-}
+#: Kind of the cue → the hand that follows it.
+HAND = {"left_hand": "left", "right_hand": "right", "both_hands": "both"}
 #: Longer ranges are a slip of the keyboard, seconds.
 LONGEST = 120.0
 
 
 def read_manipulations(context: bpy.types.Context, start_frame: int, metres_per_unit: float = 1.0) -> list[dict]:
-    """One entry a visible hand cue: its name, its joints, the first core frame (30 Hz from `start_frame` on) and the
-    path from there, world, metres, shape (frames, 3).
+    """One entry a visible hand cue: its name, the hand, the first core frame (30 Hz from `start_frame` on) and the
+    path from there: a point a frame, world, metres.
 
     Goes through the frames and comes back to the current one. Raises SceneError naming the cue whose range or place
     is amiss.
@@ -56,8 +52,9 @@ def read_manipulations(context: bpy.types.Context, start_frame: int, metres_per_
         path = np.array(paths[cue.name], dtype=np.float64) * metres_per_unit
         if not np.isfinite(path).all():
             raise SceneError(f"{cue.name} stands at a place that is not a number: look at its keys and constraints.")
+        begin = spans[cue.name].start
         manipulations.append(
-            {"name": cue.name, "joints": JOINTS[cue[CUE_KEY]], "first_frame": spans[cue.name].start, "path": path}
+            {"name": cue.name, "hand": HAND[cue[CUE_KEY]], "first_frame": begin, "path": path.tolist()}
         )
     return manipulations
 

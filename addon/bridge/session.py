@@ -19,6 +19,7 @@ from ..pipeline import LibraryChoice, Outcome, Request
 from . import armature, compat
 from .action_writer import write_action
 from .cue_reader import read_task
+from .hand_reader import read_manipulations
 from .names import REPORT_KEY
 from .scene_reader import read_scene
 from .take import keep_solved, solved_take
@@ -41,6 +42,9 @@ def read_request(context: bpy.types.Context) -> tuple[Request, list[tuple[str, s
     native.require()
     settings = context.scene.oncue
     task = read_task(context, settings.scene_scale)
+    manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale)
+    if manipulations:
+        task["manipulations"] = manipulations
     library = library_choice(context.scene)
     meshes = read_scene(
         context,

@@ -17,7 +17,7 @@ import bpy
 import numpy as np
 
 from ..errors import SceneError
-from ..motion import Motion, joints_in_world, resample
+from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
 from .action_writer import LOCATION, ROTATION, BoneSpace, data_path
@@ -96,6 +96,19 @@ def solved_of(action: bpy.types.Action) -> Solved:
         raise SceneError(f"What {action.name} keeps of its motion is damaged: synthesize it again.") from error
 
 
+@dataclass(frozen=True)
+class Edit:
+    """What the core is to solve again, at 30 Hz."""
+
+    #: With the artist's keys in it.
+    motion: Motion
+    contacts: np.ndarray
+    #: {"joint", "frame"}: what stays exactly as it is in the motion.
+    keys: list[dict]
+    #: The pins: {"name", "joint", "first_frame", "positions", "rotations"}, world, metres.
+    constraints: list[dict]
+
+
 class Take:
     """An action of the character as it is now, beside what was written. Raises SceneError where they do not fit."""
 
@@ -151,44 +164,33 @@ class Take:
     def _is_keyed(self, frame: int, joint: int) -> bool:
         return bool(np.isfinite(self.now[frame, self._columns(joint)]).all())
 
-    def chain(self, joint: int) -> list[int]:
-        """The joint and what carries it, up to the root."""
-        chain = [joint]
-        while chain[-1]:
-            chain.append(self.skeleton["parents"][chain[-1]])
-        return chain
-
-    def constraints(self) -> list[dict]:
-        """The artist's keys and the pins as the core takes them: joints in the world at its frames.
-
-        A keyed joint holds its place and turn, and what carries it holds its turn, so that the key itself still fits.
-        Raises SceneError where nothing was keyed or pinned.
-        """
-        keys = self.artist_keys()
-        found = [*self._of_keys(keys), *self._of_pins()]
-        if not found:
+    def edit(self) -> Edit:
+        """What Re-solve asks of the core. Raises SceneError where nothing was keyed or pinned."""
+        artist, motion = self.artist_keys(), self.solved.motion
+        pins = self._of_pins()
+        if not artist and not pins:
             raise SceneError(
                 "Nothing was keyed or pinned since the last solve: pose a bone and key it, or pin one, and press again."
             )
-        return found
-
-    def _of_keys(self, keys: dict[int, set[int]]) -> list[dict]:
-        #: (joint, core frame) → (how far the key is from that frame, place or None, turn).
-        wanted: dict[tuple[int, int], tuple] = {}
-        for frame in sorted({frame for frames in keys.values() for frame in frames}):
-            keyed = [joint for joint, frames in keys.items() if frame in frames]
-            for core_frame, away, places, turns in self._postures(frame, keyed):
+        positions, rotations = motion.root_positions.astype(np.float64), motion.rotations.astype(np.float64)
+        nearest: dict[tuple[int, int], float] = {}
+        for frame in sorted({frame for frames in artist.values() for frame in frames}):
+            keyed = [joint for joint, frames in artist.items() if frame in frames]
+            for core_frame, away, root, turns in self._postures(frame, keyed):
                 for joint in keyed:
-                    for carrier in self.chain(joint):
-                        place = places[carrier] if carrier in (joint, 0) or carrier in keyed else None
-                        before = wanted.get((carrier, core_frame))
-                        nearer = before is None or away < before[0] - ON_FRAME
-                        if nearer or (before[1] is None and away <= before[0] + ON_FRAME):
-                            wanted[carrier, core_frame] = (away, place, turns[carrier])
-        return self._runs(wanted)
+                    # Of two keys beside one of the core's frames the nearer one counts.
+                    if away > nearest.get((joint, core_frame), np.inf) - ON_FRAME:
+                        continue
+                    nearest[joint, core_frame] = away
+                    rotations[core_frame, joint] = turns[joint]
+                    if joint == 0:
+                        positions[core_frame] = root
+        keys = [{"joint": self.names[joint], "frame": frame} for joint, frame in sorted(nearest)]
+        posed = Motion(positions.astype(np.float32), rotations.astype(np.float32), motion.frame_rate)
+        return Edit(posed, self.solved.contacts, keys, pins)
 
     def _postures(self, frame: int, keyed: list[int]):
-        """The artist's posture of a scene frame at the core's frames beside it: (core frame, distance, places, turns).
+        """The artist's posture of a scene frame at the core's frames beside it: (frame, distance, root, rotations).
 
         Between two of the core's frames both are asked for, each turned by as much as the artist turned the frame.
         """
@@ -199,35 +201,15 @@ class Take:
         mine, core = self._posture(posed), self.solved.motion
         time = frame * core.frame_rate / self.solved.scene_rate
         if abs(time - round(time)) < ON_FRAME:
-            places, turns = joints_in_world(self.skeleton, mine.root_positions[0], mine.rotations[0])
-            yield round(time), 0.0, places, turns
+            yield round(time), 0.0, mine.root_positions[0], mine.rotations[0]
             return
         base = self._posture(self._sampled[frame])
         for core_frame in (int(time), int(time) + 1):
             if core_frame >= len(core):
                 continue
-            rotations = core.rotations[core_frame].astype(np.float64)
+            turn = multiply(base.rotations[0] * CONJUGATE, mine.rotations[0])
             root = core.root_positions[core_frame] + mine.root_positions[0] - base.root_positions[0]
-            for joint in keyed:
-                turn = multiply(base.rotations[0, joint] * CONJUGATE, mine.rotations[0, joint])
-                rotations[joint] = multiply(rotations[joint], turn)
-            yield core_frame, abs(time - core_frame), *joints_in_world(self.skeleton, root, rotations)
-
-    def _runs(self, wanted: dict[tuple[int, int], tuple]) -> list[dict]:
-        """One constraint for each run of frames of a joint that holds the same things."""
-        runs: list[dict] = []
-        for joint in sorted({joint for joint, _ in wanted}):
-            last = None
-            for core_frame in sorted(frame for j, frame in wanted if j == joint):
-                _, place, turn = wanted[joint, core_frame]
-                fits = last is not None and core_frame == last["first_frame"] + len(last["rotations"])
-                if not fits or (place is None) != (not last["positions"]):
-                    last = self._constraint(f"Key of {self.names[joint]}", joint, core_frame)
-                    runs.append(last)
-                if place is not None:
-                    last["positions"].append(place.tolist())
-                last["rotations"].append(turn.tolist())
-        return runs
+            yield core_frame, abs(time - core_frame), root, multiply(core.rotations[core_frame], turn)
 
     def _of_pins(self) -> list[dict]:
         found = []
@@ -238,7 +220,7 @@ class Take:
             first, last = ((f - self.solved.start_frame) * step for f in (pin.first_frame, pin.last_frame))
             begin = round(first) if first == last else int(np.ceil(first - ON_FRAME))
             count = max(int(np.floor(last + ON_FRAME)) - begin, 0) + 1
-            made = self._constraint(f"Pin of {pin.bone}", self.names.index(pin.bone), begin)
+            made = {"name": f"Pin of {pin.bone}", "joint": pin.bone, "first_frame": begin}
             if pin.position is not None:
                 made["positions"] = [[c * self.solved.metres_per_unit for c in pin.position]] * count
             if pin.rotation is not None:
@@ -246,22 +228,12 @@ class Take:
             found.append(made)
         return found
 
-    def _constraint(self, name: str, joint: int, first_frame: int) -> dict:
-        return {
-            "name": name,
-            "joint": self.names[joint],
-            "first_frame": first_frame,
-            "positions": [],
-            "rotations": [],
-        }
-
     # --- back into the action -----------------------------------------------------------------------------------------
 
     def write(self, motion: Motion, contacts: np.ndarray) -> tuple[int, int] | None:
         """Writes an edited motion (30 Hz, as long as the one before) into the action; the scene's frames it touched.
 
-        All other keys stay as they are, bit for bit, and so do the artist's keys and those of what carries them, which
-        are kept for the next time too.
+        All other keys stay as they are, bit for bit, and so do the artist's, which are kept for the next time too.
         """
         keys = self.artist_keys()
         before = self.solved.motion
@@ -280,9 +252,7 @@ class Take:
         free = np.zeros(values.shape, dtype=bool)
         free[touched] = True
         for joint, frames in keys.items():
-            for carrier in self.chain(joint):
-                held = [frame for frame in frames if self._is_keyed(frame, carrier)]
-                free[np.ix_(held, self._columns(carrier))] = False
+            free[np.ix_(sorted(frames), self._columns(joint))] = False
         self._write(values, free)
         self._keep(motion, contacts)
         return int(touched[0]) + self.solved.start_frame, int(touched[-1]) + self.solved.start_frame

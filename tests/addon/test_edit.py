@@ -5,6 +5,7 @@ import json
 import bpy
 import numpy as np
 import pytest
+from mathutils import Quaternion, Vector
 
 from .runs import keys_of
 from .test_character import evaluated_heads, forward_kinematics
@@ -78,8 +79,6 @@ def turn(character, bone, frame, angle, axis=0):
     posed = character.pose.bones[bone]
     more = [0.0, 0.0, 0.0]
     more[axis] = np.sin(angle / 2)
-    from mathutils import Quaternion
-
     posed.rotation_quaternion = posed.rotation_quaternion @ Quaternion((np.cos(angle / 2), *more))
     posed.keyframe_insert("rotation_quaternion", frame=frame)
 
@@ -99,7 +98,7 @@ def test_nothing_was_keyed_yet(oncue, made, take_of, rate):
     character, _ = made(rate)
     assert take_of(character).artist_keys() == {}
     with pytest.raises(oncue("errors").SceneError, match="Nothing was keyed or pinned"):
-        take_of(character).constraints()
+        take_of(character).edit()
 
 
 def test_what_is_kept_survives_saving(oncue, made, take_of, motion, context, tmp_path):
@@ -113,56 +112,50 @@ def test_what_is_kept_survives_saving(oncue, made, take_of, motion, context, tmp
     assert take.artist_keys() == {take.names.index("LeftArm"): {20}}
 
 
-def test_a_keyed_joint_holds_its_place_and_turn_in_the_world(made, take_of, motion, skeleton, context):
+def test_a_keyed_joint_is_in_the_motion_and_named(made, take_of, motion, skeleton, context):
     character, _ = made()
     frame = START + 20
     turn(character, "LeftForeArm", frame, 0.7)
-    constraints = take_of(character).constraints()
-    # The fore-arm, the arm, the shoulder, the spine and the hips.
-    assert {c["joint"] for c in constraints} == {
-        *("LeftForeArm", "LeftArm", "LeftShoulder", "Spine2", "Spine1", "Spine", "Hips")
-    }
-    assert {c["first_frame"] for c in constraints} == {20}
-    keyed = next(c for c in constraints if c["joint"] == "LeftForeArm")
-    assert keyed["name"] == "Key of LeftForeArm"
-    context.scene.frame_set(frame)
-    posed = character.evaluated_get(context.evaluated_depsgraph_get())
-    bone = posed.pose.bones["LeftForeArm"]
-    assert keyed["positions"] == [pytest.approx(tuple(posed.matrix_world @ bone.head), abs=1e-4)]
-    # Blender's bone is the joint's turn after the bone's rest.
-    world = (posed.matrix_world @ bone.matrix).to_quaternion()
-    joint = world @ posed.data.bones["LeftForeArm"].matrix_local.to_quaternion().inverted()
-    assert abs(np.dot(keyed["rotations"][0], joint)) == pytest.approx(1.0, abs=1e-6)
-    # What carries it holds its turn alone, the root its place too.
-    assert next(c for c in constraints if c["joint"] == "LeftArm")["positions"] == []
-    hips = next(c for c in constraints if c["joint"] == "Hips")
-    assert hips["positions"] == [pytest.approx(motion.root_positions[20].tolist(), abs=1e-4)]
+    edit = take_of(character).edit()
+    assert edit.keys == [{"joint": "LeftForeArm", "frame": 20}]
+    assert edit.constraints == []
+    # The core's forward kinematics of the keyed frame is what Blender shows.
+    heads = evaluated_heads(character, skeleton["names"], [frame])
+    assert np.abs(heads[0] - forward_kinematics(skeleton, edit.motion)[20]).max() < 1e-4
+    hand = skeleton["names"].index("LeftHand")
+    assert np.linalg.norm(heads[0, hand] - forward_kinematics(skeleton, motion)[20, hand]) > 0.05
+    # All else is the motion before.
+    changed = (edit.motion.rotations != motion.rotations).any(axis=2)
+    assert changed.sum() == 1
+    assert np.array_equal(edit.motion.root_positions, motion.root_positions)
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.01])
-def test_a_moved_root_is_asked_for_in_metres(made, take_of, motion, scale):
+def test_a_moved_root_is_told_in_metres(made, take_of, motion, skeleton, scale):
     character, _ = made(scale=scale)
     frame = START + 30
     bpy.context.scene.frame_set(frame)
     hips = character.pose.bones["Hips"]
     rest = character.data.bones["Hips"].matrix_local.to_3x3()
-    from mathutils import Vector
-
     # A decimetre to the left of the walker, whatever the unit: pose space is the armature's, which is scaled.
     hips.location = hips.location + rest.inverted() @ Vector((0.0, 0.1, 0.0))
     hips.keyframe_insert("location", frame=frame)
-    (constraint,) = take_of(character).constraints()
-    assert constraint["joint"] == "Hips"
+    edit = take_of(character).edit()
+    assert edit.keys == [{"joint": "Hips", "frame": 30}]
     expected = motion.root_positions[30] + np.array([0.0, 0.1, 0.0])
-    assert constraint["positions"] == [pytest.approx(expected.tolist(), abs=1e-4)]
+    assert edit.motion.root_positions[30] == pytest.approx(expected, abs=1e-4)
+    assert np.abs(edit.motion.rotations - motion.rotations).max() < 1e-5
 
 
-def test_neighbouring_keys_are_one_constraint(made, take_of):
+def test_every_keyed_frame_is_named(made, take_of):
     character, _ = made()
-    for frame in (20, 21, 22, 40):
+    for frame in (20, 21, 40):
         turn(character, "Head", START + frame, 0.4)
-    heads = [c for c in take_of(character).constraints() if c["joint"] == "Head"]
-    assert [(c["first_frame"], len(c["rotations"]), len(c["positions"])) for c in heads] == [(20, 3, 3), (40, 1, 1)]
+    turn(character, "Neck", START + 21, 0.1)
+    assert take_of(character).edit().keys == [
+        {"joint": "Neck", "frame": 21},
+        *({"joint": "Head", "frame": frame} for frame in (20, 21, 40)),
+    ]
 
 
 def test_between_the_cores_frames_both_are_turned(made, take_of, motion, skeleton):
@@ -170,22 +163,24 @@ def test_between_the_cores_frames_both_are_turned(made, take_of, motion, skeleto
     character, _ = made(rate=24)
     angle = 0.6
     turn(character, "Head", START + 5, angle)
-    heads = [c for c in take_of(character).constraints() if c["joint"] == "Head"]
-    assert [(c["first_frame"], len(c["rotations"])) for c in heads] == [(6, 2)]
-    for index, rotation in zip((6, 7), heads[0]["rotations"], strict=True):
-        posture = motion.rotations[index].astype(float)
-        from_core = posture[skeleton["names"].index("Head")]
-        parents = []
-        joint = skeleton["parents"][skeleton["names"].index("Head")]
-        while joint is not None and joint >= 0:
-            parents.insert(0, joint)
-            joint = skeleton["parents"][joint] if joint else None
-        world = np.array([1.0, 0, 0, 0])
-        for parent in parents:
-            world = quaternion_product(world, posture[parent])
-        before = quaternion_product(world, from_core)
-        difference = quaternion_product(before * [1, -1, -1, -1], np.array(rotation))
+    edit = take_of(character).edit()
+    assert edit.keys == [{"joint": "Head", "frame": 6}, {"joint": "Head", "frame": 7}]
+    head = skeleton["names"].index("Head")
+    for frame in (6, 7):
+        before, after = (m.rotations[frame, head].astype(float) for m in (motion, edit.motion))
+        difference = quaternion_product(before * [1, -1, -1, -1], after)
         assert 2 * np.arcsin(np.linalg.norm(difference[1:])) == pytest.approx(angle, abs=1e-3)
+
+
+def test_at_sixty_frames_a_second_the_key_on_the_cores_frame_counts(oncue, made, take_of, skeleton):
+    character, _ = made(rate=60)
+    turn(character, "Head", START + 21, 0.9)
+    turn(character, "Head", START + 20, 0.3)
+    edit = take_of(character).edit()
+    assert edit.keys == [{"joint": "Head", "frame": 10}, {"joint": "Head", "frame": 11}]
+    heads = evaluated_heads(character, ["Head"], [START + 20])
+    expected = forward_kinematics(skeleton, edit.motion)[10, skeleton["names"].index("Head")]
+    assert np.abs(heads[0, 0] - expected).max() < 1e-4
 
 
 def quaternion_product(a, b):
@@ -237,16 +232,20 @@ def test_a_pin_holds_the_bone_where_it_is(oncue, made, take_of, context, motion,
     assert bpy.ops.oncue.pin(first_frame=START + 10, last_frame=START + 20) == {"FINISHED"}
     (pin,) = oncue("bridge.pins").read_pins(action)
     assert pin.title == f"LeftFoot: place and turn, {START + 10} to {START + 20}"
-    (constraint,) = take_of(character).constraints()
+    (constraint,) = take_of(character).edit().constraints
     assert (constraint["name"], constraint["joint"], constraint["first_frame"]) == ("Pin of LeftFoot", "LeftFoot", 10)
     assert len(constraint["positions"]) == len(constraint["rotations"]) == 11
     foot = skeleton["names"].index("LeftFoot")
     expected = forward_kinematics(skeleton, motion)[15, foot]
     assert np.abs(np.array(constraint["positions"]) - expected).max() < 1e-4
-    # And its turn in the world is what forward kinematics has there.
-    joints = oncue("motion").joints_in_world(skeleton, motion.root_positions[15], motion.rotations[15])
-    assert joints[0][foot] == pytest.approx(expected, abs=1e-6)
-    assert abs(np.dot(constraint["rotations"][3], joints[1][foot])) == pytest.approx(1.0, abs=1e-6)
+    # And its turn in the world is that of the joint: the product from the root down.
+    world, joint, chain = np.array([1.0, 0, 0, 0]), foot, []
+    while joint is not None and joint >= 0:
+        chain.insert(0, joint)
+        joint = skeleton["parents"][joint] if joint else None
+    for joint in chain:
+        world = quaternion_product(world, motion.rotations[15, joint].astype(float))
+    assert abs(np.dot(constraint["rotations"][3], world)) == pytest.approx(1.0, abs=1e-5)
 
 
 def test_a_pin_at_the_current_frame(oncue, made, take_of, context):
@@ -256,8 +255,8 @@ def test_a_pin_at_the_current_frame(oncue, made, take_of, context):
     bpy.ops.oncue.pin(rotation=False)
     pins = oncue("bridge.pins").read_pins(action)
     assert [pin.title for pin in pins] == [f"LeftHand: place, {START + 4}", f"RightHand: place, {START + 4}"]
-    left, _ = take_of(character).constraints()
-    assert (left["first_frame"], len(left["positions"]), left["rotations"]) == (5, 1, [])
+    left, _ = take_of(character).edit().constraints
+    assert (left["first_frame"], len(left["positions"]), left.get("rotations")) == (5, 1, None)
     # Once more takes its place; removing one leaves the other.
     bpy.ops.oncue.pin(position=False, rotation=True)
     assert len(oncue("bridge.pins").read_pins(action)) == 2
@@ -338,7 +337,7 @@ def test_the_artists_keys_stay_and_are_kept_for_the_next_time(oncue, made, take_
     assert pin.title == f"RightForeArm: key, {START + 25}"
     again = take_of(character)
     assert again.artist_keys() == {again.names.index("RightForeArm"): {25}}
-    assert any(c["joint"] == "RightForeArm" for c in again.constraints())
+    assert again.edit().keys == [{"joint": "RightForeArm", "frame": 25}]
 
 
 def test_keys_that_were_taken_out_come_back(oncue, made, take_of, motion, skeleton):
