@@ -108,8 +108,9 @@ def _cues_before(scene: bpy.types.Scene, path: np.ndarray, origin: Vector, swing
     yaw = yaw_from_heading(math.atan2(-away.y, -away.x))
     if seated:
         seat = 0.45
-        place = Vector((middle.x, path[:, 1].min() - 0.30, 0.0))
-        f.chair(scene, (place.x, place.y, 0), math.pi, seat=seat)
+        # Room for the knees before the table: who sits down comes from the side.
+        place = Vector((middle.x, path[:, 1].min() - 0.50, 0.0))
+        f.stool(scene, place, seat)
         make_cue(bpy.context, "sit", (place.x, place.y, seat + PELVIS_OVER_SEAT), yaw)
         begin = Vector((place.x + 1.0, place.y - 1.0, 0.0))
     else:
