@@ -11,6 +11,18 @@ use crate::settings::Settings;
 /// Version of the report's layout.
 pub const REPORT_VERSION: u32 = 1;
 
+/// Which policy a run began with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PolicySource {
+    /// Random weights: the paper's way.
+    Scratch,
+    /// The one that ships with Oncue.
+    Prior,
+    /// One that an earlier task in the scene left.
+    Kept,
+}
+
 /// The report of one run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
@@ -33,6 +45,8 @@ pub struct Report {
     pub shortest_path_m: f32,
     /// Seconds of each stage, by name.
     pub seconds: BTreeMap<String, f32>,
+    pub policy_source: PolicySource,
+    /// Updates of this run; 0 where the policy that was there served the task.
     pub updates: usize,
     pub environment_steps: usize,
     pub environment_steps_per_second: f32,
