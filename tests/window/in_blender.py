@@ -18,8 +18,11 @@ STATE = Path("/tmp/oncue-window/state.jsonl")
 PRESSES = STATE.with_name("presses.jsonl")
 #: A colour that nothing else in the window has, for finding the buttons: red, green, blue of 0..1.
 BUTTON_COLOR = (0.05, 0.42, 0.62, 1.0)
-#: A budget that takes some seconds, so that there is something to see and to cancel.
-BUDGET = {"ppo": {"updates": 2, "tuples": 6000, "seconds": 1e6}, "kept": {"rollouts": 64, "rounds": 1}}
+#: From scratch, on a budget that takes some seconds, so that there is something to see and to cancel.
+BUDGET = {
+    "ppo": {"prior": False, "updates": 2, "tuples": 6000, "seconds": 1e6},
+    "kept": {"rollouts": 64, "rounds": 1, "more_rounds": 0},
+}
 
 
 def extension(name):
