@@ -344,7 +344,7 @@ fn seats(out: &mut Vec<Recipe>) {
 /// Sits with the feet drawn back, as between a chair and its table: from standing, turning, and from the side.
 fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
     let cm = (100.0 * height).round();
-    for degrees in [0.0f32, 45.0, 90.0] {
+    for degrees in [0.0f32, 45.0] {
         let mut p = planner(out, 0);
         p.stand(MARGIN + 0.1);
         if degrees > 0.0 {
