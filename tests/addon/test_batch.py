@@ -80,6 +80,13 @@ def test_a_place_that_cannot_be_written_is_found_before_the_work(scene_file, tmp
     assert "reading" not in done.stdout
 
 
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="no file system that nobody can write to")
+def test_a_read_only_place_is_found_before_the_work(scene_file, tmp_path):
+    scene = scene_file("stool")
+    failed(batch(scene, "--out", "/proc/out.blend"), None, "/proc/out.blend cannot be written")
+    failed(batch(scene, "--out", tmp_path / "out.blend", "--report", "/proc/out.json"), None, "/proc/out.json cannot")
+
+
 def test_missing_things_are_named(scene_file, tmp_path):
     out = tmp_path / "out.blend"
     failed(batch(tmp_path / "no.blend", "--out", out), None, "no.blend is not there")
