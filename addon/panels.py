@@ -17,7 +17,7 @@ from .job_operator import handle
 
 CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
 #: Pixels that a character of the interface's font is wide, on average.
-CHARACTER_WIDTH = 6.5
+CHARACTER_WIDTH = 7
 
 
 class OncuePanel:
@@ -158,6 +158,7 @@ class ONCUE_PT_edit(OncuePanel, bpy.types.Panel):
             row = column.row(align=True)
             row.label(text=pin.title, icon="KEY_HLT" if pin.is_key else "PINNED")
             row.operator("oncue.remove_pin", text="", icon="X", emboss=False).index = index
+        layout.operator("oncue.resolve", icon="FILE_REFRESH")
 
 
 def result_lines(report: dict) -> list[tuple[str, str]]:

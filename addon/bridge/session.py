@@ -15,14 +15,14 @@ import numpy as np
 from .. import native
 from ..errors import SceneError
 from ..motion import Motion
-from ..pipeline import LibraryChoice, Outcome, Request
-from . import armature, compat
+from ..pipeline import EditRequest, LibraryChoice, Outcome, Request
+from . import armature, compat, pins
 from .action_writer import write_action
 from .cue_reader import read_task
 from .hand_reader import read_manipulations
 from .names import REPORT_KEY
 from .scene_reader import read_scene
-from .take import keep_solved, solved_take
+from .take import Take, keep_solved, solved_take
 
 
 def library_choice(scene: bpy.types.Scene) -> LibraryChoice:
@@ -55,6 +55,53 @@ def read_request(context: bpy.types.Context) -> tuple[Request, list[tuple[str, s
     overrides = read_overrides(settings.overrides)
     request = Request(meshes.positions, meshes.triangles, task, library, settings.preset, settings.seed, overrides)
     return request, meshes.skipped
+
+
+def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
+    """What Re-solve needs, and the take as it is before. Raises SceneError; changes nothing."""
+    core, settings = native.require(), context.scene.oncue
+    action = pins.action_of(settings.character)
+    take = Take(context.scene, settings.character, action, core.skeleton())
+    motion, keys, constraints = take.edit()
+    report = report_of(action) or {}
+    try:
+        meshes = read_scene(context, exclude=settings.exclude, metres_per_unit=settings.scene_scale)
+        positions, triangles = meshes.positions, meshes.triangles
+    except SceneError:  # an edit needs nothing to walk on
+        positions = triangles = None
+    request = EditRequest(
+        motion,
+        take.solved.contacts,
+        keys,
+        constraints,
+        floor_of(report, motion, core.skeleton()),
+        positions,
+        triangles,
+        settings.preset,
+        read_overrides(settings.overrides),
+    )
+    return request, take
+
+
+def floor_of(report: dict, motion: Motion, skeleton: dict) -> float:
+    """The floor that a take's person started on, world, metres."""
+    start = report.get("task", {}).get("start")
+    return float(start["position"][2] if start else motion.root_positions[0, 2] - skeleton["rest_hips_height"])
+
+
+def write_edit(context: bpy.types.Context, take: Take, edited: object) -> tuple[int, int] | None:
+    """Writes an edited motion back; the scene's frames it touched. Raises SceneError if the keys changed meanwhile."""
+    settings = context.scene.oncue
+    action = pins.action_of(settings.character)
+    now = Take(context.scene, settings.character, action, native.require().skeleton())
+    if action != take.action or not now.is_as(take):
+        raise SceneError("The keys were changed while it was solving: press Re-solve again.")
+    motion = Motion(np.asarray(edited.root_positions), np.asarray(edited.rotations), take.solved.motion.frame_rate)
+    touched = now.write(motion, np.asarray(edited.contacts))
+    report = report_of(action)
+    if report is not None:
+        action[REPORT_KEY] = json.dumps({**report, "artist": edited.report})
+    return touched
 
 
 def read_overrides(text: str) -> dict:

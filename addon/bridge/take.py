@@ -96,19 +96,6 @@ def solved_of(action: bpy.types.Action) -> Solved:
         raise SceneError(f"What {action.name} keeps of its motion is damaged: synthesize it again.") from error
 
 
-@dataclass(frozen=True)
-class Edit:
-    """What the core is to solve again, at 30 Hz."""
-
-    #: With the artist's keys in it.
-    motion: Motion
-    contacts: np.ndarray
-    #: {"joint", "frame"}: what stays exactly as it is in the motion.
-    keys: list[dict]
-    #: The pins: {"name", "joint", "first_frame", "positions", "rotations"}, world, metres.
-    constraints: list[dict]
-
-
 class Take:
     """An action of the character as it is now, beside what was written. Raises SceneError where they do not fit."""
 
@@ -145,6 +132,10 @@ class Take:
 
     # --- what the artist did ------------------------------------------------------------------------------------------
 
+    def is_as(self, other: Take) -> bool:
+        """Whether the keys and pins are still those of an earlier look."""
+        return np.array_equal(self.now, other.now, equal_nan=True) and self.pins == other.pins
+
     def artist_keys(self) -> dict[int, set[int]]:
         """Joint → indices of the scene frames at which its key is the artist's: changed since, or kept from before."""
         differs = np.abs(self.now - self.written) > SAME
@@ -164,8 +155,10 @@ class Take:
     def _is_keyed(self, frame: int, joint: int) -> bool:
         return bool(np.isfinite(self.now[frame, self._columns(joint)]).all())
 
-    def edit(self) -> Edit:
-        """What Re-solve asks of the core. Raises SceneError where nothing was keyed or pinned."""
+    def edit(self) -> tuple[Motion, list[dict], list[dict]]:
+        """What Re-solve asks of the core, at 30 Hz: the motion with the artist's keys in it, {"joint", "frame"} of each
+        of these, and the pins as constraints. Raises SceneError where nothing was keyed or pinned.
+        """
         artist, motion = self.artist_keys(), self.solved.motion
         pins = self._of_pins()
         if not artist and not pins:
@@ -187,7 +180,7 @@ class Take:
                         positions[core_frame] = root
         keys = [{"joint": self.names[joint], "frame": frame} for joint, frame in sorted(nearest)]
         posed = Motion(positions.astype(np.float32), rotations.astype(np.float32), motion.frame_rate)
-        return Edit(posed, self.solved.contacts, keys, pins)
+        return posed, keys, pins
 
     def _postures(self, frame: int, keyed: list[int]):
         """The artist's posture of a scene frame at the core's frames beside it: (frame, distance, root, rotations).

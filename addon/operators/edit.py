@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Editing a take: pins."""
+"""Editing a take: pins, and solving it again."""
 
 from __future__ import annotations
 
 import bpy
 from bpy.props import BoolProperty, IntProperty
 
-from ..bridge import pins
+from ..bridge import pins, session
+from ..job_operator import JobOperator
+from ..pipeline import Steps, edit_steps
 from .button import Button
 
 
@@ -71,4 +73,24 @@ class ONCUE_OT_remove_pin(Button, bpy.types.Operator):
         pins.remove_pin(context.scene.oncue.character, self.index)
 
 
-register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_pin, ONCUE_OT_remove_pin))
+class ONCUE_OT_resolve(JobOperator, bpy.types.Operator):
+    """Fit the motion around what you keyed and pinned: that stays, the frames around adapt. Esc cancels"""
+
+    bl_idname = "oncue.resolve"
+    bl_label = "Re-solve"
+    bl_options = {"REGISTER", "UNDO"}
+    title = "Re-solving"
+
+    def begin(self, context: bpy.types.Context) -> Steps:
+        request, self._take = session.read_edit(context)
+        return edit_steps(request)
+
+    def finish(self, context: bpy.types.Context, value: object) -> None:
+        touched = session.write_edit(context, self._take, value)
+        if touched is None:
+            self.report({"INFO"}, "The motion already fits: nothing has changed.")
+        else:
+            self.report({"INFO"}, f"Frames {touched[0]} to {touched[1]} were adapted.")
+
+
+register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_pin, ONCUE_OT_remove_pin, ONCUE_OT_resolve))

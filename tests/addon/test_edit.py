@@ -116,18 +116,18 @@ def test_a_keyed_joint_is_in_the_motion_and_named(made, take_of, motion, skeleto
     character, _ = made()
     frame = START + 20
     turn(character, "LeftForeArm", frame, 0.7)
-    edit = take_of(character).edit()
-    assert edit.keys == [{"joint": "LeftForeArm", "frame": 20}]
-    assert edit.constraints == []
+    posed, keys, constraints = take_of(character).edit()
+    assert keys == [{"joint": "LeftForeArm", "frame": 20}]
+    assert constraints == []
     # The core's forward kinematics of the keyed frame is what Blender shows.
     heads = evaluated_heads(character, skeleton["names"], [frame])
-    assert np.abs(heads[0] - forward_kinematics(skeleton, edit.motion)[20]).max() < 1e-4
+    assert np.abs(heads[0] - forward_kinematics(skeleton, posed)[20]).max() < 1e-4
     hand = skeleton["names"].index("LeftHand")
     assert np.linalg.norm(heads[0, hand] - forward_kinematics(skeleton, motion)[20, hand]) > 0.05
     # All else is the motion before.
-    changed = (edit.motion.rotations != motion.rotations).any(axis=2)
+    changed = (posed.rotations != motion.rotations).any(axis=2)
     assert changed.sum() == 1
-    assert np.array_equal(edit.motion.root_positions, motion.root_positions)
+    assert np.array_equal(posed.root_positions, motion.root_positions)
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.01])
@@ -140,11 +140,11 @@ def test_a_moved_root_is_told_in_metres(made, take_of, motion, skeleton, scale):
     # A decimetre to the left of the walker, whatever the unit: pose space is the armature's, which is scaled.
     hips.location = hips.location + rest.inverted() @ Vector((0.0, 0.1, 0.0))
     hips.keyframe_insert("location", frame=frame)
-    edit = take_of(character).edit()
-    assert edit.keys == [{"joint": "Hips", "frame": 30}]
+    posed, keys, _ = take_of(character).edit()
+    assert keys == [{"joint": "Hips", "frame": 30}]
     expected = motion.root_positions[30] + np.array([0.0, 0.1, 0.0])
-    assert edit.motion.root_positions[30] == pytest.approx(expected, abs=1e-4)
-    assert np.abs(edit.motion.rotations - motion.rotations).max() < 1e-5
+    assert posed.root_positions[30] == pytest.approx(expected, abs=1e-4)
+    assert np.abs(posed.rotations - motion.rotations).max() < 1e-5
 
 
 def test_every_keyed_frame_is_named(made, take_of):
@@ -152,7 +152,7 @@ def test_every_keyed_frame_is_named(made, take_of):
     for frame in (20, 21, 40):
         turn(character, "Head", START + frame, 0.4)
     turn(character, "Neck", START + 21, 0.1)
-    assert take_of(character).edit().keys == [
+    assert take_of(character).edit()[1] == [
         {"joint": "Neck", "frame": 21},
         *({"joint": "Head", "frame": frame} for frame in (20, 21, 40)),
     ]
@@ -163,11 +163,11 @@ def test_between_the_cores_frames_both_are_turned(made, take_of, motion, skeleto
     character, _ = made(rate=24)
     angle = 0.6
     turn(character, "Head", START + 5, angle)
-    edit = take_of(character).edit()
-    assert edit.keys == [{"joint": "Head", "frame": 6}, {"joint": "Head", "frame": 7}]
+    posed, keys, _ = take_of(character).edit()
+    assert keys == [{"joint": "Head", "frame": 6}, {"joint": "Head", "frame": 7}]
     head = skeleton["names"].index("Head")
     for frame in (6, 7):
-        before, after = (m.rotations[frame, head].astype(float) for m in (motion, edit.motion))
+        before, after = (m.rotations[frame, head].astype(float) for m in (motion, posed))
         difference = quaternion_product(before * [1, -1, -1, -1], after)
         assert 2 * np.arcsin(np.linalg.norm(difference[1:])) == pytest.approx(angle, abs=1e-3)
 
@@ -176,10 +176,10 @@ def test_at_sixty_frames_a_second_the_key_on_the_cores_frame_counts(oncue, made,
     character, _ = made(rate=60)
     turn(character, "Head", START + 21, 0.9)
     turn(character, "Head", START + 20, 0.3)
-    edit = take_of(character).edit()
-    assert edit.keys == [{"joint": "Head", "frame": 10}, {"joint": "Head", "frame": 11}]
+    posed, keys, _ = take_of(character).edit()
+    assert keys == [{"joint": "Head", "frame": 10}, {"joint": "Head", "frame": 11}]
     heads = evaluated_heads(character, ["Head"], [START + 20])
-    expected = forward_kinematics(skeleton, edit.motion)[10, skeleton["names"].index("Head")]
+    expected = forward_kinematics(skeleton, posed)[10, skeleton["names"].index("Head")]
     assert np.abs(heads[0, 0] - expected).max() < 1e-4
 
 
@@ -232,7 +232,7 @@ def test_a_pin_holds_the_bone_where_it_is(oncue, made, take_of, context, motion,
     assert bpy.ops.oncue.pin(first_frame=START + 10, last_frame=START + 20) == {"FINISHED"}
     (pin,) = oncue("bridge.pins").read_pins(action)
     assert pin.title == f"LeftFoot: place and turn, {START + 10} to {START + 20}"
-    (constraint,) = take_of(character).edit().constraints
+    (constraint,) = take_of(character).edit()[2]
     assert (constraint["name"], constraint["joint"], constraint["first_frame"]) == ("Pin of LeftFoot", "LeftFoot", 10)
     assert len(constraint["positions"]) == len(constraint["rotations"]) == 11
     foot = skeleton["names"].index("LeftFoot")
@@ -255,7 +255,7 @@ def test_a_pin_at_the_current_frame(oncue, made, take_of, context):
     bpy.ops.oncue.pin(rotation=False)
     pins = oncue("bridge.pins").read_pins(action)
     assert [pin.title for pin in pins] == [f"LeftHand: place, {START + 4}", f"RightHand: place, {START + 4}"]
-    left, _ = take_of(character).edit().constraints
+    left, _ = take_of(character).edit()[2]
     assert (left["first_frame"], len(left["positions"]), left.get("rotations")) == (5, 1, None)
     # Once more takes its place; removing one leaves the other.
     bpy.ops.oncue.pin(position=False, rotation=True)
@@ -337,7 +337,7 @@ def test_the_artists_keys_stay_and_are_kept_for_the_next_time(oncue, made, take_
     assert pin.title == f"RightForeArm: key, {START + 25}"
     again = take_of(character)
     assert again.artist_keys() == {again.names.index("RightForeArm"): {25}}
-    assert again.edit().keys == [{"joint": "RightForeArm", "frame": 25}]
+    assert again.edit()[1] == [{"joint": "RightForeArm", "frame": 25}]
 
 
 def test_keys_that_were_taken_out_come_back(oncue, made, take_of, motion, skeleton):

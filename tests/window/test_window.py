@@ -304,6 +304,28 @@ def test_disabling_the_extension_stops_the_run(desktop):
     assert not enabled["at_work"]
 
 
+def test_cues_and_pins_of_every_kind_are_drawn(desktop):
+    pressed = time.time()
+    objects = desktop.states()[-1]["objects"]
+    place = "bpy.ops.oncue.place_{}='{}')"
+    desktop.write(
+        "; ".join(
+            [
+                *(place.format("foot(side", side) for side in ("left", "right")),
+                "C.scene.cursor.location=(2.3,2.6,0.8)",
+                *(place.format("hand(kind", kind) for kind in ("left_hand", "both_hands")),
+                "C.view_layer.objects.active=C.scene.oncue.character",
+                "bpy.ops.object.mode_set(mode='POSE')",
+                "bpy.ops.pose.select_all(action='SELECT')",
+                "bpy.ops.oncue.pin(first_frame=100,last_frame=120)",
+            ]
+        )
+    )
+    desktop.until("the cues", lambda s: s["objects"] == objects + 4, timeout=30, since=pressed)
+    time.sleep(1)
+    desktop.screenshot("window-cues")
+
+
 def test_nothing_was_said_that_should_not_be(desktop):
     """Panels and overlays draw in every state above; what goes wrong in there only shows in the program's words."""
     said = (PICTURES / "blender.log").read_text()
