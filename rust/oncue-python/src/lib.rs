@@ -25,6 +25,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<synthesis::Synthesis>()?;
     module.add_function(wrap_pyfunction!(skeleton::skeleton, module)?)?;
     module.add_function(wrap_pyfunction!(library::build_library, module)?)?;
+    module.add_function(wrap_pyfunction!(library::practice_room, module)?)?;
     module.add_function(wrap_pyfunction!(scene::index_scene, module)?)?;
     module.add_function(wrap_pyfunction!(scene::check_task, module)?)?;
     module.add_function(wrap_pyfunction!(policy::optimize_policy, module)?)?;

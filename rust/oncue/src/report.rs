@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::controller::optimize::UpdateFigures;
-use crate::metrics::{FootFigures, PenetrationFigures, Residual};
+use crate::metrics::{FootFigures, PenetrationFigures, Residual, SpeedFigures};
 use crate::settings::Settings;
 
 /// Version of the report's layout.
@@ -39,6 +39,7 @@ pub struct Report {
     pub cues: Vec<Residual>,
     pub foot: FootFigures,
     pub penetration: PenetrationFigures,
+    pub speed: SpeedFigures,
     pub frames: usize,
     /// Metres the root travelled, and the shortest clear path.
     pub path_m: f32,

@@ -8,7 +8,7 @@ use crate::controller::{Environment, EpisodeEnd, KeptMotion, KeptPolicy, keep_mo
 use crate::cue::{ActionType, Task};
 use crate::error::Result;
 use crate::library::database::MotionDatabase;
-use crate::metrics::{Residual, foot_figures, penetration_figures, residual};
+use crate::metrics::{Residual, foot_figures, penetration_figures, residual, speed_figures};
 use crate::motion::{FRAME_RATE, Motion};
 use crate::progress::Progress;
 use crate::report::{PolicySource, REPORT_VERSION, Report};
@@ -83,6 +83,7 @@ pub fn synthesize(
         cues,
         foot,
         penetration,
+        speed: speed_figures(&motion, &database.usual_turns),
         frames: motion.len(),
         path_m: kept.tally.travelled,
         shortest_path_m: environment.path.distance(task.start.planar().position),

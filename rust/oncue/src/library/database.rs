@@ -12,7 +12,8 @@ use super::search::SearchIndex;
 use crate::cue::ActionType;
 use crate::error::{Error, Result};
 use crate::math::Planar;
-use crate::motion::{FootContact, Joint, Posture};
+use crate::metrics::joint_turns;
+use crate::motion::{FootContact, JOINT_COUNT, Joint, Posture};
 use crate::progress::Progress;
 
 /// One frame of the database, as the synthesizer needs it. Everything person-centric: the root's
@@ -68,6 +69,8 @@ pub struct MotionDatabase {
     pub pose_features: Vec<PoseFeature>,
     pub weights: FeatureWeights,
     indices: [ActionIndex; 3],
+    /// 99.9th percentile of each joint's turn in a frame over all that is matched, radians.
+    pub usual_turns: [f32; JOINT_COUNT],
     /// Frames of standing still, at which a motion may begin.
     pub idle_frames: Vec<u32>,
 }
@@ -98,12 +101,16 @@ impl MotionDatabase {
         let stands = |f: &DatabaseFrame| f.label == ActionLabel::Idle && f.remaining >= 30;
         let idle_frames =
             (0..frames.len() as u32).filter(|&f| stands(&frames[f as usize])).collect::<Vec<u32>>();
+        let matched =
+            frames.iter().zip(&frames[1..]).filter(|(a, _)| a.remaining > 0 && a.label != ActionLabel::Other);
+        let usual_turns = joint_turns(matched.map(|(a, b)| (&a.posture, &b.posture)), 0.999);
         let mut database = Self {
             library_checksum: library.checksum(),
             frames,
             pose_features,
             weights: weights.clone(),
             indices: Default::default(),
+            usual_turns,
             idle_frames,
         };
         if database.idle_frames.is_empty() {
