@@ -319,7 +319,7 @@ def window(session: nox.Session) -> None:
 
 @nox.session
 def rooms(session: nox.Session) -> None:
-    """The table and the contact sheets of real rooms: `-- --rooms FOLDER --out FOLDER …` (tools/rooms_table.py)."""
+    """The tables and contact sheets of docs/rooms, from `../shared/data` or `-- --rooms FOLDER --accad FOLDER`."""
     python = blender_environment(session, blenders(session)[-1], build_wheel(session))
     tools = environment(session, "tools", ["pillow"])
     session.run(str(tools), "tools/rooms_table.py", "--python", str(python), *session.posargs)

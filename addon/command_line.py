@@ -44,16 +44,18 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str]) -> int:
     """Runs the job and gives the exit status; every failure is one sentence on stderr."""
     options = parser().parse_args(arguments)
+    report = None
     try:
-        check_writable(options.out)
         if options.report:
             check_writable(options.report)
+            report = options.report
+        check_writable(options.out)
         if options.blend:
             open_file(options.blend)
         return synthesize(options)
     except native.expected_errors() as error:
         print(f"Oncue: {sentence(error)}", file=sys.stderr, flush=True)
-        if options.report:
+        if report:
             write_failure(options, sentence(error))
         return FAILED
     except KeyboardInterrupt:

@@ -44,9 +44,4 @@ def get(context: bpy.types.Context) -> OncuePreferences | None:
     return entry.preferences if entry else None
 
 
-def register() -> None:
-    bpy.utils.register_class(OncuePreferences)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(OncuePreferences)
+register, unregister = bpy.utils.register_classes_factory((OncuePreferences,))

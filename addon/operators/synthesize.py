@@ -34,9 +34,4 @@ class ONCUE_OT_synthesize(JobOperator, bpy.types.Operator):
             self.report({"INFO"}, f"Oncue made the action {action.name}.")
 
 
-def register() -> None:
-    bpy.utils.register_class(ONCUE_OT_synthesize)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(ONCUE_OT_synthesize)
+register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_synthesize,))
