@@ -1,0 +1,14 @@
+//! The motion editor E (LAMA, sections 3.6 and 4.3; supplementary, "Motion Editing").
+//!
+//! ```text
+//! Motion ──► window X ──► Ψ (encoder) ──► z, optimized ──► Ψ⁻¹ (decoder) ──► X ──► Motion
+//! ```
+//!
+//! [`window`] lays a motion out as X, [`kinematics`] places its joints and carries gradients back,
+//! [`manifold`] is the autoencoder, [`training`] makes one from a motion library.
+
+pub mod kinematics;
+pub mod manifold;
+pub mod window;
+
+pub use manifold::{DecoderWorkspace, Manifold};
