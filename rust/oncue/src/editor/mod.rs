@@ -7,8 +7,17 @@
 //! [`window`] lays a motion out as X, [`kinematics`] places its joints and carries gradients back,
 //! [`manifold`] is the autoencoder, [`training`] makes one from a motion library.
 
+mod banded;
+pub mod constraint;
+mod degrees;
+pub mod edit;
+mod feet;
+mod finish;
 pub mod kinematics;
+pub mod latent;
 pub mod manifold;
 pub mod window;
 
+pub use constraint::{Constraint, check_constraints};
+pub use edit::{ConstraintFigures, EditFigures, Edited};
 pub use manifold::{DecoderWorkspace, Manifold};
