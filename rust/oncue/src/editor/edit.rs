@@ -212,7 +212,7 @@ impl<'a> Edit<'a> {
         correct(&span, progress)
     }
 
-    fn degrees(&self) -> Degrees {
+    pub fn degrees(&self) -> Degrees {
         let joints: Vec<Joint> =
             self.constraints.iter().map(|c| c.joint).chain(self.exact.iter().map(|e| e.1)).collect();
         let turned: Vec<Joint> = self
@@ -226,7 +226,7 @@ impl<'a> Edit<'a> {
     }
 
     /// Everything that one frame should meet.
-    fn terms(&self, frame: usize) -> Vec<Term> {
+    pub fn terms(&self, frame: usize) -> Vec<Term> {
         let mut out = Vec::new();
         let posture = &self.motion.postures[frame];
         let pose = posture.pose();

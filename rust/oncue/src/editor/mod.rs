@@ -16,6 +16,8 @@ mod finish;
 pub mod kinematics;
 pub mod latent;
 pub mod manifold;
+pub mod seat;
+pub mod smoothness;
 pub mod window;
 
 pub use constraint::{Constraint, check_constraints};
