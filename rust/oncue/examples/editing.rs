@@ -11,13 +11,19 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use glam::Vec2;
-use oncue::editor::Manifold;
+use oncue::editor::latent::manifold_distance;
+use oncue::editor::manipulation::{Manipulated, lengthened, manipulate};
+use oncue::editor::plain_ik::plain_ik;
 use oncue::editor::seat::Seat;
 use oncue::editor::smoothness::smoothness;
+use oncue::editor::{ConstraintFigures, Manifold};
 use oncue::metrics::{foot_figures, penetration_figures};
 use oncue::scene::SceneIndex;
 use oncue::settings::EditorSettings;
 use oncue::{Motion, MotionLibrary, Progress, Settings, synthesize};
+
+#[path = "editing/objects.rs"]
+mod objects;
 
 type AnyError = Box<dyn std::error::Error>;
 
@@ -74,7 +80,14 @@ fn main() -> Result<(), AnyError> {
         manifold: None,
         arguments: a,
     };
-    run.seats()
+    let only = run.arguments.only.clone();
+    if only.as_deref() != Some("hands") {
+        run.seats()?;
+    }
+    if only.as_deref() != Some("seats") {
+        run.hands()?;
+    }
+    Ok(())
 }
 
 struct Run {
@@ -135,6 +148,10 @@ impl Run {
                 }
             };
             let floor = row.task.start.position.z;
+            if motion.postures[complete].root_position.distance(row.task.cue.position) > 0.2 {
+                println!("{name:33} the controller does not get there");
+                continue;
+            }
             for with_feet in [false, true] {
                 let mut cue = row.task.cue.clone();
                 if with_feet {
@@ -212,6 +229,105 @@ impl Run {
                 .zip(&columns)
         {
             println!("{what:20} {}", column.text());
+        }
+        Ok(())
+    }
+
+    /// Every hinge and slide of the objects, opened: with the manifold, without it, and by plain inverse kinematics.
+    fn hands(&self) -> Result<(), AnyError> {
+        let folder = self.arguments.shared.join("data/objects");
+        let settings = &self.settings.editor;
+        let ablated = EditorSettings { manifold: false, ..settings.clone() };
+        let mut columns: [[Column; 6]; 3] = Default::default();
+        println!(
+            "task                 frames how       |  s | hand mean max cm | manifold cm | acc max  mean | jerk | turn max | foot slide mean max cm"
+        );
+        for task in objects::tasks(&folder, &self.library)? {
+            let cues = std::slice::from_ref(&task.cue);
+            for (how, name) in ["manifold", "finishing", "plain IK"].into_iter().enumerate() {
+                let began = Instant::now();
+                let ours = |settings| {
+                    manipulate(self.manifold.as_ref(), &task.motion, cues, 0.0, settings, &self.progress)
+                };
+                let done = match how {
+                    0 if self.manifold.is_none() => continue,
+                    0 => ours(settings),
+                    1 => ours(&ablated),
+                    _ => lengthened(&task.motion, &task.cue, 0.0, settings).and_then(
+                        |(motion, constraints)| {
+                            let edited = plain_ik(&motion, &constraints, settings, &self.progress)?;
+                            Ok(Manipulated {
+                                motion: edited.motion,
+                                cues: Vec::new(),
+                                figures: edited.figures,
+                            })
+                        },
+                    ),
+                };
+                let done = match done {
+                    Ok(done) => done,
+                    Err(error) => {
+                        println!("{:20} {name:9} {error}", task.name);
+                        continue;
+                    }
+                };
+                let seconds = began.elapsed().as_secs_f32();
+                let span = done.figures.first_frame..done.figures.end_frame;
+                let mean = |f: fn(&ConstraintFigures) -> Option<f32>| {
+                    let all: Vec<f32> = done.figures.constraints.iter().filter_map(f).collect();
+                    all.iter().sum::<f32>() / all.len() as f32
+                };
+                let worst = done.figures.constraints.iter().filter_map(|c| c.max_cm).fold(0.0, f32::max);
+                let smooth = smoothness(&done.motion, &span);
+                let foot = foot_figures(&done.motion, 0.0);
+                let distance =
+                    self.manifold.as_ref().map_or(f32::NAN, |m| manifold_distance(m, &done.motion, &span));
+                println!(
+                    "{:20} {:5} {name:9} |{seconds:4.1}| {:6.2} {worst:6.2} | {distance:5.2} | {:5.1} {:5.2} | {:5.1} | {:5.1} | {:.3} {:.2}  {}",
+                    task.name,
+                    task.cue.path.len(),
+                    mean(|c| c.mean_cm),
+                    smooth.largest_acceleration,
+                    smooth.mean_acceleration,
+                    smooth.mean_jerk,
+                    smooth.largest_turn,
+                    foot.skate_cm,
+                    foot.worst_skate_cm,
+                    done.figures.search.map_or(String::new(), |s| format!(
+                        "{} steps {:.1} -> {:.1} cm",
+                        s.steps, s.before_cm, s.after_cm
+                    )),
+                );
+                let row = [
+                    mean(|c| c.mean_cm),
+                    worst,
+                    distance,
+                    smooth.largest_acceleration,
+                    smooth.mean_jerk,
+                    foot.worst_skate_cm,
+                ];
+                columns[how].iter_mut().zip(row).for_each(|(column, value)| column.0.push(value));
+                let more = serde_json::json!({"paths": [task.cue.path], "yaw": task.motion.postures[0].planar().yaw, "floor": 0.0, "mesh": task.mesh});
+                self.write(
+                    &format!("{}-{}", task.name, name.replace(' ', "-")),
+                    &done.motion,
+                    &task.motion,
+                    &more,
+                )?;
+            }
+        }
+        for (name, columns) in ["manifold", "finishing", "plain IK"].iter().zip(&columns) {
+            let what = [
+                "hand mean cm",
+                "hand max cm",
+                "manifold cm",
+                "acceleration m/s²",
+                "jerk m/s³",
+                "foot slide max cm",
+            ];
+            for (what, column) in what.iter().zip(columns) {
+                println!("{name:9} {what:18} {}", column.text());
+            }
         }
         Ok(())
     }

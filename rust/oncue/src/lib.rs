@@ -29,7 +29,7 @@ pub mod settings;
 pub mod synthesize;
 pub mod synthesizer;
 
-pub use cue::{ActionCue, ActionType, InitialState, Task};
+pub use cue::{ActionCue, ActionType, Hand, InitialState, ManipulationCue, Task};
 pub use error::{Error, Result};
 pub use job::Job;
 pub use library::MotionLibrary;

@@ -32,8 +32,8 @@ impl Part {
         match self {
             // The root's place is kept by terms of its own.
             Part::Shift => [0.15, 0.15, 0.15],
-            Part::Ball(Hips) => [0.15, 0.10, 0.10],
-            Part::Ball(Spine | Spine1 | Spine2) => [0.14, 0.09, 0.09],
+            Part::Ball(Hips) => [0.35, 0.12, 0.12],
+            Part::Ball(Spine | Spine1 | Spine2) => [0.20, 0.10, 0.10],
             Part::Ball(Neck | Head) => [0.25; 3],
             Part::Ball(LeftShoulder | RightShoulder) => [0.12; 3],
             Part::Ball(LeftHand | RightHand) => [0.6; 3],
@@ -87,15 +87,12 @@ pub struct Degrees {
 }
 
 impl Degrees {
-    /// Root, trunk and legs, and what is needed to move `joints` besides.
+    /// The whole body, but for shoulders and wrists that `joints` do not ask for; `turned` joints are no hinges.
     pub fn for_joints(joints: &[Joint], turned: &[Joint]) -> Self {
         use Joint::*;
         let within = |chain: &[Joint]| joints.iter().any(|j| chain.contains(j));
         let mut parts = vec![Part::Shift];
-        parts.extend([Hips, Spine, Spine1, Spine2].map(Part::Ball));
-        if within(&[Neck, Head]) {
-            parts.extend([Neck, Head].map(Part::Ball));
-        }
+        parts.extend([Hips, Spine, Spine1, Spine2, Neck, Head].map(Part::Ball));
         let hinge =
             |joint: Joint| if turned.contains(&joint) { Part::Ball(joint) } else { Part::Hinge(joint) };
         for arm in [
@@ -103,10 +100,11 @@ impl Degrees {
             [RightShoulder, RightArm, RightForeArm, RightHand],
         ] {
             if within(&arm) {
-                parts.extend([Part::Ball(arm[0]), Part::Ball(arm[1]), hinge(arm[2])]);
-                if turned.contains(&arm[3]) {
-                    parts.push(Part::Ball(arm[3]));
-                }
+                parts.push(Part::Ball(arm[0]));
+            }
+            parts.extend([Part::Ball(arm[1]), hinge(arm[2])]);
+            if turned.contains(&arm[3]) {
+                parts.push(Part::Ball(arm[3]));
             }
         }
         for leg in [[LeftUpLeg, LeftLeg, LeftFoot, LeftToe], [RightUpLeg, RightLeg, RightFoot, RightToe]] {

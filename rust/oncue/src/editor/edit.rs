@@ -12,6 +12,7 @@ use super::feet::{FootPlan, is_supported};
 use super::finish::{SPREAD, Span, Term, Touch, centre_of_mass, correct};
 use super::latent::{Decoder, Search, SearchFigures, Target, mix, search};
 use crate::error::{Error, Result};
+use crate::library::foot::LEGS;
 use crate::math::rotation::{angle_between, wrap_angle, yaw};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
 use crate::progress::Progress;
@@ -53,6 +54,8 @@ pub struct ConstraintFigures {
 
 /// σ of a hard constraint, metres and radians: met to a fraction of a millimetre where the body can.
 const HARD: (f32, f32) = (2e-4, 1e-3);
+/// σ of the way to a constraint, metres.
+const WAY: f32 = 0.02;
 /// σ of a wish.
 const SOFT: (f32, f32) = (0.04, 0.15);
 /// A constraint this early (frames) may change the motion's first frame.
@@ -81,7 +84,7 @@ impl<'a> Edit<'a> {
         floor: f32,
         settings: &'a EditorSettings,
     ) -> Self {
-        Self {
+        let mut edit = Self {
             motion,
             constraints,
             floor,
@@ -90,7 +93,66 @@ impl<'a> Edit<'a> {
             span: span(motion, constraints, settings),
             touch: None,
             exact: &[],
+        };
+        let mut feet = edit.feet.clone();
+        feet.follow(constraints, &edit.span, |frame| edit.fade(frame));
+        edit.feet = feet;
+        edit
+    }
+
+    /// On the way to a constraint and back, and from one to the next, a joint moves as a reaching hand does: with the least
+    /// jerk (Flash & Hogan 1985). Gives that way's places, as wishes: frame, joint, place.
+    fn ways(&self) -> Vec<(usize, Joint, Vec3)> {
+        let mut out = Vec::new();
+        let mut joints: Vec<Joint> =
+            self.constraints.iter().filter(|c| !c.soft && !c.positions.is_empty()).map(|c| c.joint).collect();
+        joints.sort_unstable();
+        joints.dedup();
+        for joint in joints.into_iter().filter(|j| !is_foot(*j)) {
+            let own = |frame: usize| self.motion.postures[frame].pose().position(joint);
+            // How far the joint is asked away from where it was, frame by frame.
+            let mut asked: Vec<Option<Vec3>> = vec![None; self.motion.len()];
+            for c in self.constraints.iter().filter(|c| c.joint == joint && !c.soft) {
+                for frame in c.frames() {
+                    asked[frame] = c.position(frame).map(|p| p - own(frame)).or(asked[frame]);
+                }
+            }
+            let reach = |away: Vec3| reach_frames(away.length(), self.settings);
+            let mut before: Option<usize> = None;
+            let mut frame = self.span.start;
+            while frame < self.span.end {
+                if asked[frame].is_some() {
+                    before = Some(frame);
+                    frame += 1;
+                    continue;
+                }
+                let after = (frame..self.span.end).find(|&f| asked[f].is_some());
+                let end = after.unwrap_or(self.span.end);
+                let ends = [before, after].map(|f| f.map(|f| (f, asked[f].unwrap_or_default())));
+                for at in frame..end {
+                    let moved = match ends {
+                        [Some((a, from)), Some((b, to))] if b - a <= reach(from) + reach(to) => {
+                            Some(from.lerp(to, least_jerk((at - a) as f32 / (b - a) as f32)))
+                        }
+                        [from, to] => {
+                            let back = from.map(|(a, away)| {
+                                away * (1.0 - least_jerk((at - a) as f32 / reach(away) as f32))
+                            });
+                            let there = to.map(|(b, away)| {
+                                away * (1.0 - least_jerk((b - at) as f32 / reach(away) as f32))
+                            });
+                            match (back, there) {
+                                (Some(back), Some(there)) => Some(back + there),
+                                (back, there) => back.or(there),
+                            }
+                        }
+                    };
+                    out.extend(moved.filter(|m| m.length() > 0.0).map(|m| (at, joint, own(at) + m)));
+                }
+                frame = end;
+            }
         }
+        out
     }
 
     /// Runs the edit; frames outside the span are those of the motion, bit for bit.
@@ -115,6 +177,12 @@ impl<'a> Edit<'a> {
                 }
             }
             motion.postures[frame] = posture;
+            for (contact, foot) in motion.contacts[frame].iter_mut().zip(&self.feet.feet[frame]) {
+                // A foot that had to leave its place is in the air meanwhile.
+                if *contact >= 1.0 && !foot.planted && !self.asks_foot(frame) {
+                    *contact = 0.0;
+                }
+            }
         }
         for &(frame, joint, rotation) in self.exact {
             motion.postures[frame].rotations[joint.index()] = rotation;
@@ -128,6 +196,11 @@ impl<'a> Edit<'a> {
             seconds: began.elapsed().as_secs_f32(),
         };
         Ok(Edited { motion, figures })
+    }
+
+    /// Whether a foot of that frame is asked to be somewhere; what it stands on there is not known.
+    fn asks_foot(&self, frame: usize) -> bool {
+        self.constraints.iter().any(|c| is_foot(c.joint) && c.frames().contains(&frame))
     }
 
     /// The search along the manifold, faded out towards the ends of the span.
@@ -196,8 +269,12 @@ impl<'a> Edit<'a> {
     fn finish(&self, base: &Motion, progress: &Progress) -> Result<Vec<Posture>> {
         let postures = &base.postures[self.span.clone()];
         let degrees = self.degrees();
-        let terms: Vec<Vec<Term>> = self.span.clone().map(|frame| self.terms(frame)).collect();
+        let mut terms: Vec<Vec<Term>> = self.span.clone().map(|frame| self.terms(frame)).collect();
         let first = self.span.start;
+        for (frame, joint, target) in self.ways() {
+            let sigma = Vec3::splat(WAY);
+            terms[frame - first].push(Term::Point { joint, offset: Vec3::ZERO, target, sigma });
+        }
         let shifted = self.touch.map(|touch| {
             move |frame: usize, pose: &Pose, out: &mut Vec<Term>| touch(first + frame, pose, out)
         });
@@ -237,7 +314,7 @@ impl<'a> Edit<'a> {
         let sigma = match (asks_pelvis, supported) {
             (true, _) => Vec3::splat(0.25),
             (false, true) => Vec3::splat(2e-3),
-            (false, false) => Vec3::new(0.05, 0.05, 0.10),
+            (false, false) => Vec3::new(0.05, 0.05, 0.06),
         };
         out.push(Term::Point {
             joint: Joint::Hips,
@@ -248,6 +325,7 @@ impl<'a> Edit<'a> {
         if !supported && !asks_pelvis {
             out.push(Term::Balance { target: centre_of_mass(&pose), sigma: 0.03 });
         }
+        self.free_terms(&pose, supported, &mut out);
         for c in self.constraints {
             let (place, turn) = if c.soft { SOFT } else { HARD };
             if let Some(target) = c.position(frame) {
@@ -265,6 +343,35 @@ impl<'a> Edit<'a> {
             out.push(Term::Local { joint, target, sigma: 1e-4 });
         }
         out
+    }
+
+    /// What is asked for nothing follows the trunk only in part: the head stays upright, an arm hangs as it hung, the hand
+    /// of a seated person rests where it rested.
+    fn free_terms(&self, pose: &Pose, supported: bool, out: &mut Vec<Term>) {
+        use Joint::*;
+        let asked = |chain: &[Joint]| self.constraints.iter().any(|c| chain.contains(&c.joint));
+        if !asked(&[Neck, Head]) {
+            out.push(Term::Turn { joint: Head, target: pose.rotation(Head), sigma: 0.4 });
+        }
+        for arm in [
+            [LeftShoulder, LeftArm, LeftForeArm, LeftHand],
+            [RightShoulder, RightArm, RightForeArm, RightHand],
+        ] {
+            if asked(&arm) {
+                continue;
+            }
+            if supported {
+                let sigma = Vec3::splat(0.04);
+                out.push(Term::Point {
+                    joint: arm[3],
+                    offset: Vec3::ZERO,
+                    target: pose.position(arm[3]),
+                    sigma,
+                });
+            } else {
+                out.push(Term::Turn { joint: arm[1], target: pose.rotation(arm[1]), sigma: 0.25 });
+            }
+        }
     }
 
     /// Refuses constraints that the body cannot meet from where it stands or sits, before anything is edited.
@@ -337,7 +444,7 @@ fn asked(constraints: &[Constraint]) -> Option<(usize, usize)> {
 }
 
 /// The frames that an edit may change: those asked for, and room before and after to get there and back.
-fn span(motion: &Motion, constraints: &[Constraint], settings: &EditorSettings) -> Range<usize> {
+pub(super) fn span(motion: &Motion, constraints: &[Constraint], settings: &EditorSettings) -> Range<usize> {
     let Some((mut first, mut end)) = asked(constraints) else { return 0..0 };
     for c in constraints {
         let frames = c.frames();
@@ -358,6 +465,16 @@ pub(super) fn reach_frames(distance: f32, settings: &EditorSettings) -> usize {
     let seconds =
         (settings.reach_seconds + settings.reach_seconds_per_metre * distance).max(settings.blend_seconds);
     (seconds * FRAME_RATE).round() as usize
+}
+
+fn is_foot(joint: Joint) -> bool {
+    LEGS.iter().any(|leg| leg[1..].contains(&joint))
+}
+
+/// From 0 to 1 with the least jerk.
+fn least_jerk(t: f32) -> f32 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
 }
 
 fn smoothstep(t: f32) -> f32 {

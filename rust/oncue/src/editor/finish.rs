@@ -18,8 +18,9 @@ use crate::progress::Progress;
 pub const SPREAD: f64 = 7.0;
 /// Most Gauss-Newton steps.
 const STEPS: usize = 24;
-/// Done when no number changes more, radians or metres.
+/// Done when no number changes more (radians or metres), or when a step gains less than this share of the cost.
 const SETTLED: f64 = 2e-4;
+const GAINS: f64 = 1e-4;
 /// A single step turns no joint further, radians.
 const LARGEST_STEP: f64 = 0.5;
 /// σ of a hinge beyond its limit, radians.
@@ -99,7 +100,7 @@ pub fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
             }
         }
         let before = system.assemble(span, &ready, &terms, &x);
-        let mut largest = 0.0f64;
+        let mut settled = true;
         loop {
             progress.check()?;
             let Some(step) = system.step(damping, n) else {
@@ -109,7 +110,8 @@ pub fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
             let tried: Vec<f64> = x.iter().zip(&step).map(|(x, s)| x + s).collect();
             let after = system.cost(span, &ready, &terms, &tried);
             if after <= before * (1.0 + 1e-9) {
-                largest = step.iter().fold(0.0, |a, s| a.max(s.abs()));
+                let largest = step.iter().fold(0.0f64, |a, s| a.max(s.abs()));
+                settled = largest < SETTLED || (before - after < GAINS * before && largest < 50.0 * SETTLED);
                 x = tried;
                 damping = if damping < 1e-3 { 0.0 } else { damping * 0.1 };
                 break;
@@ -119,7 +121,7 @@ pub fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
                 break;
             }
         }
-        if largest < SETTLED {
+        if settled {
             break;
         }
     }

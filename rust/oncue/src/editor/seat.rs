@@ -14,7 +14,7 @@ use super::feet::{FootPlan, is_supported};
 use super::finish::{Span, Term, Touch, correct};
 use super::latent::Decoder;
 use crate::cue::ActionCue;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
 use crate::math::rotation::{to_angle_axis, wrap_angle, yaw};
 use crate::motion::skeleton::{ANKLE_HEIGHT, JOINT_OFFSET, LEG_LENGTH};
@@ -23,6 +23,8 @@ use crate::progress::Progress;
 use crate::scene::SceneIndex;
 use crate::settings::EditorSettings;
 
+/// A pelvis farther from its cue than this is not fitted, metres.
+const FARTHEST: f32 = 0.45;
 /// Longest a leg gets, as a share of its length.
 const LONGEST_LEG: f32 = 0.985;
 /// A foot that stands this near its place is not moved, metres.
@@ -85,6 +87,7 @@ impl Seat<'_> {
     /// `Unreachable` where a foot cue or the pelvis's place is out of reach, by how much and which way; `Cancelled`.
     pub fn fit<D: Decoder>(&self, decoder: Option<&D>, progress: &Progress) -> Result<SeatFit> {
         progress.stage("Fitting the seat");
+        self.check()?;
         let mut motion = self.motion.clone();
         let settled = self.settle(&motion, progress)?;
         let (plan, contacts) = self.plan_feet(&mut motion, &settled);
@@ -112,6 +115,20 @@ impl Seat<'_> {
         let Edited { motion, figures } = edit.run(decoder, progress)?;
         let seat = self.figures(&motion, settled.hangs);
         Ok(SeatFit { motion, figures, seat })
+    }
+
+    fn check(&self) -> Result<()> {
+        let seated = self.motion.postures.get(self.complete).ok_or_else(|| {
+            Error::input(format!("The motion ends before anyone sits at ‘{}’.", self.cue.name))
+        })?;
+        let away = seated.root_position.distance(self.cue.position);
+        if away > FARTHEST {
+            return Err(Error::Unreachable(format!(
+                "The motion sits down {away:.2} m from ‘{}’; at most {FARTHEST:.2} m can be fitted. Synthesize it anew.",
+                self.cue.name
+            )));
+        }
+        Ok(())
     }
 
     /// Pelvis at q_root, facing as r_root, from the moment the person is seated.
@@ -205,12 +222,14 @@ impl Seat<'_> {
         // The rest is a step of the seated person, the foot with the longer way first.
         let order = if left[0].length() >= left[1].length() { [0, 1] } else { [1, 0] };
         let steps = (STEP_SECONDS * FRAME_RATE) as usize;
-        let mut begin = self.complete + 2;
+        let mut next = self.complete + 2;
         for side in order {
             let last = plan.feet.len() - 1;
             let from = plan.feet[last][side];
             let place = &settled.feet[side];
             let lifts = place.ankle.truncate().distance(from.ankle.truncate()) > 0.02 || settled.hangs[side];
+            // Feet that will hang leave the floor while the seat takes the weight.
+            let begin = if settled.hangs[side] { self.complete.saturating_sub(steps * 2 / 3) } else { next };
             let end = begin + steps;
             while plan.feet.len() < end + 4 {
                 hold(motion, &mut plan, &mut contacts);
@@ -218,10 +237,7 @@ impl Seat<'_> {
             let reached = place.ankle.distance(from.ankle);
             let height = if lifts { STEP_LIFT.0 + STEP_LIFT.1 * reached } else { 0.0 };
             let toe = JOINT_OFFSET[LEGS[side][3].index()];
-            let mut first = plan.feet[begin.min(plan.feet.len() - 1)][side];
-            if !first.planted && !lifts {
-                first.turn = place.turn;
-            }
+            let first = plan.feet[begin][side];
             for frame in begin..plan.feet.len() {
                 let t = ((frame - begin) as f32 / steps as f32).clamp(0.0, 1.0);
                 let eased = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
@@ -238,8 +254,8 @@ impl Seat<'_> {
                     contacts[frame][side] = if stands { 1.0 } else { 0.0 };
                 }
             }
-            if lifts {
-                begin += (STEP_APART * FRAME_RATE) as usize;
+            if lifts && !settled.hangs[side] {
+                next += (STEP_APART * FRAME_RATE) as usize;
             }
         }
         (plan, contacts)
