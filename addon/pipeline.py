@@ -16,6 +16,7 @@ import numpy as np
 
 from . import native
 from .errors import SceneError
+from .policy_cache import PolicyCache
 
 #: Ending of a library file that Oncue wrote.
 LIBRARY_SUFFIX = ".oncue"
@@ -71,8 +72,8 @@ class LibraryCache:
         self._key, self._built = key, built
 
 
-def synthesis_steps(request: Request, cache: LibraryCache) -> Steps:
-    """The whole run."""
+def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache | None = None) -> Steps:
+    """The whole run. A policy that was optimized is kept in `policies`, and played where the prior fails."""
     core, seconds = native.require(), {}
     with _timed(seconds, "library"):
         library, skipped = yield from library_steps(request.library, cache)
@@ -80,7 +81,10 @@ def synthesis_steps(request: Request, cache: LibraryCache) -> Steps:
         scene = yield from _finish(core.index_scene(request.positions, request.triangles))
     with _timed(seconds, "synthesis"):
         settings = merged(core.default_settings(request.preset), request.overrides)
-        synthesis = yield from _finish(core.synthesize(scene, library, request.task, settings, request.seed))
+        kept = policies.find(scene, library) if policies else None
+        synthesis = yield from _finish(core.synthesize(scene, library, request.task, settings, request.seed, kept))
+    if policies and synthesis.report["updates"] and synthesis.report["success"]:
+        policies.keep(scene, library, synthesis.policy)
     return Outcome(synthesis, seconds, skipped)
 
 

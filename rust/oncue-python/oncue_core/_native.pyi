@@ -8,11 +8,23 @@ from typing import Any, Generic, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from .types import Point, ProgressSnapshot, Report, Settings, Skeleton, Summary, Task
+from .types import (
+    LearningFigures,
+    Point,
+    PolicyOrigin,
+    ProgressSnapshot,
+    Report,
+    Robustness,
+    Settings,
+    Skeleton,
+    Summary,
+    Task,
+)
 
 __all__ = [
     "Job",
     "Library",
+    "Policy",
     "SceneIndex",
     "Synthesis",
     "__version__",
@@ -20,7 +32,9 @@ __all__ = [
     "check_task",
     "default_settings",
     "index_scene",
+    "optimize_policy",
     "presets",
+    "robustness",
     "skeleton",
     "synthesize",
 ]
@@ -95,6 +109,9 @@ class SceneIndex:
     def bounds(self) -> tuple[Point, Point]:
         """Smallest and largest corner, world, metres."""
     @property
+    def fingerprint(self) -> str:
+        """BLAKE3 of the triangles, hexadecimal: changes when anything in the scene moves."""
+    @property
     def floor_height(self) -> float:
         """World z of the dominant walkable level, metres."""
 
@@ -111,6 +128,54 @@ def check_task(scene: SceneIndex, task: Task) -> None:
     """Returns where the person can get from the task's start to its cue and do there what it asks.
 
     InputError with the reason otherwise. The synthesis asks the same first.
+    """
+
+@final
+class Policy:
+    """An action controller that was optimized before. Immutable."""
+
+    @staticmethod
+    def prior() -> Policy:
+        """The policy that ships with Oncue."""
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> Policy:
+        """Reads a policy file. OSError, and DataFileError for one that is foreign, too new, cut off or damaged."""
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the policy file; an earlier one stays as it was until the new one is whole. OSError."""
+    def belongs_to(self, scene: SceneIndex, library_checksum: str) -> bool:
+        """Whether it was optimized in this scene with the library of this checksum."""
+    @property
+    def origin(self) -> PolicyOrigin:
+        """What it was optimized for."""
+
+def optimize_policy(
+    scene: SceneIndex,
+    library: Library,
+    tasks: Sequence[Task],
+    settings: Settings | None = None,
+    seed: int = 0,
+    policy: Policy | None = None,
+    generalized: bool = True,
+) -> Job[tuple[Policy, list[LearningFigures]]]:
+    """Optimizes one policy for the cues of `tasks`, from `policy` if given and of the same settings.
+
+    `generalized`: from starts all over the floor (LAMA, section 3.5); else from the tasks' own starts. Gives the policy
+    and its learning curve. InputError for no tasks.
+    """
+
+def robustness(
+    scene: SceneIndex,
+    library: Library,
+    policy: Policy,
+    task: Task,
+    settings: Settings | None = None,
+    test: Settings | None = None,
+    seed: int = 0,
+) -> Job[Robustness]:
+    """The paper's robustness test: plays the policy towards the task's cue from a grid of starts over the whole floor.
+
+    `test`: `spacing` of the grid in metres, `trials` from each start, how many of them are `needed`, and the `spread`
+    of the actions (1: as optimized). InputError for a policy of other settings.
     """
 
 @final
@@ -132,12 +197,22 @@ class Synthesis:
     @property
     def report(self) -> Report:
         """What the run tells about itself; docs/report.md describes it."""
+    @property
+    def policy(self) -> Policy:
+        """The policy that played it, for the next task in the scene."""
 
 def synthesize(
-    scene: SceneIndex, library: Library, task: Task, settings: Settings | None = None, seed: int = 0
+    scene: SceneIndex,
+    library: Library,
+    task: Task,
+    settings: Settings | None = None,
+    seed: int = 0,
+    policy: Policy | None = None,
 ) -> Job[Synthesis]:
-    """Synthesizes the motion of a task; the same seed gives the same motion on any number of cores.
+    """Synthesizes the motion of a task; the same seed and policy give the same motion on any number of cores.
 
+    `policy`: one of the same scene and library. Where the prior fails and this one serves the task, nothing is
+    optimized; else it is fine-tuned.
     InputError for unknown settings and malformed tasks at once; from the job for a task that cannot be met, before
     anything is optimized.
     """

@@ -89,3 +89,43 @@ class Summary(TypedDict):
     clips: int
     frames: int
     rows: list[SummaryRow]
+
+
+class PolicyOrigin(TypedDict):
+    """What a policy was optimized for. `scene`: its fingerprint, empty for the prior; `library`: a checksum."""
+
+    scene: str
+    library: str
+    cues: list[ActionCue]
+    generalized: bool
+    updates: int
+    environment_steps: int
+    success_rate: float
+
+
+class LearningFigures(TypedDict):
+    """One point of a learning curve. Success rates are None where no such episode ended."""
+
+    update: int
+    reward: float
+    success_rate: float | None
+    success_rate_anywhere: float | None
+    collisions: float
+    stalls: float
+    seconds: float
+
+
+class StartFigures(TypedDict):
+    """What became of one start: how many trials met the cue, collided, or found no way to finish."""
+
+    place: tuple[float, float]
+    met: int
+    collisions: int
+    stalls: int
+
+
+class Robustness(TypedDict):
+    """The robustness test of one policy and cue; `ratio`: share of the starts that count."""
+
+    starts: list[StartFigures]
+    ratio: float

@@ -1,8 +1,10 @@
 //! Motion libraries as Python handles them: built, read, joined, written.
 
 use std::path::PathBuf;
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use oncue::library::database::MotionDatabase;
+use oncue::library::feature::FeatureWeights;
 use oncue::library::{LibrarySettings, build, starter};
 use oncue::{MotionLibrary, Progress};
 use pyo3::prelude::*;
@@ -16,11 +18,42 @@ use crate::json;
 pub struct Library {
     pub inner: Arc<MotionLibrary>,
     checksum: OnceLock<String>,
+    database: Database,
+}
+
+/// The library made matchable, kept from run to run.
+#[derive(Clone, Default)]
+pub struct Database {
+    last: Arc<Mutex<Option<Arc<MotionDatabase>>>>,
+}
+
+impl Database {
+    /// The database for `weights`: the one that is there, or a new one in its place.
+    pub fn get(
+        &self,
+        library: &MotionLibrary,
+        weights: &FeatureWeights,
+        progress: &Progress,
+    ) -> oncue::Result<Arc<MotionDatabase>> {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(database) = last.as_ref().filter(|d| d.weights == *weights) {
+            return Ok(database.clone());
+        }
+        progress.stage("Preparing the motion library");
+        let database = Arc::new(MotionDatabase::build(library, weights, progress)?);
+        *last = Some(database.clone());
+        Ok(database)
+    }
 }
 
 impl Library {
+    /// To be asked for its database on the job's thread.
+    pub fn database(&self) -> (Arc<MotionLibrary>, Database) {
+        (self.inner.clone(), self.database.clone())
+    }
+
     fn new(library: MotionLibrary) -> Self {
-        Self { inner: Arc::new(library), checksum: OnceLock::new() }
+        Self { inner: Arc::new(library), checksum: OnceLock::new(), database: Database::default() }
     }
 }
 

@@ -33,6 +33,12 @@ impl SceneIndex {
         (low.into(), high.into())
     }
 
+    /// BLAKE3 of the triangles, hexadecimal: changes when anything in the scene moves.
+    #[getter]
+    fn fingerprint(&self) -> &str {
+        self.inner.fingerprint()
+    }
+
     /// World z of the dominant walkable level, metres.
     #[getter]
     fn floor_height(&self) -> f32 {

@@ -1,5 +1,7 @@
 //! The main job as Python starts it, and the motion it gives.
 
+use std::time::Instant;
+
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use oncue::motion::{FRAME_RATE, JOINT_COUNT};
 use oncue::{Settings, Task};
@@ -10,6 +12,7 @@ use crate::error::to_python;
 use crate::job::Job;
 use crate::json;
 use crate::library::Library;
+use crate::policy::Policy;
 use crate::scene::SceneIndex;
 
 /// A motion and its report.
@@ -25,10 +28,12 @@ pub struct Synthesis {
     frame_rate: f32,
     /// What the run tells about itself; docs/report.md describes it.
     report: Py<PyAny>,
+    /// The policy that played it, for the next task in the scene.
+    policy: Py<Policy>,
 }
 
 impl Synthesis {
-    fn new(py: Python<'_>, synthesis: &oncue::Synthesis) -> PyResult<Self> {
+    fn new(py: Python<'_>, synthesis: oncue::Synthesis) -> PyResult<Self> {
         let motion = &synthesis.motion;
         let frames = motion.len();
         let positions = motion.postures.iter().flat_map(|p| p.root_position.to_array());
@@ -41,26 +46,38 @@ impl Synthesis {
             contacts: PyArray1::from_iter(py, contacts).reshape([frames, 2])?.unbind(),
             frame_rate: FRAME_RATE,
             report: json::to_python(py, &synthesis.report)?.unbind(),
+            policy: Py::new(py, Policy::new(synthesis.policy))?,
         })
     }
 }
 
-/// Synthesizes the motion of a task; the same seed gives the same motion on any number of cores.
+/// Synthesizes the motion of a task; the same seed and policy give the same motion on any number of cores.
 #[pyfunction]
-#[pyo3(signature = (scene, library, task, settings=None, seed=0))]
+#[pyo3(signature = (scene, library, task, settings=None, seed=0, policy=None))]
 pub fn synthesize(
     scene: &SceneIndex,
     library: &Library,
     task: &Bound<'_, PyDict>,
     settings: Option<&Bound<'_, PyDict>>,
     seed: u64,
+    policy: Option<&Policy>,
 ) -> PyResult<Job> {
     let task: Task = json::from_dict("task", task)?;
     let settings: Settings = json::from_optional_dict("settings", settings)?;
-    let (scene, library) = (scene.inner.clone(), library.inner.clone());
+    let policy = policy.map(|p| p.inner.clone());
+    let scene = scene.inner.clone();
+    let (library, database) = library.database();
     Job::start(
-        move |progress| oncue::synthesize(&scene, &library, &task, &settings, seed, progress),
-        |py, synthesis| Ok(Py::new(py, Synthesis::new(py, &synthesis)?)?.into_any()),
+        move |progress| {
+            let begun = Instant::now();
+            let database = database.get(&library, &settings.synthesizer.weights, progress)?;
+            let prepared = begun.elapsed().as_secs_f32();
+            let mut done =
+                oncue::synthesize(&scene, &database, &task, policy.as_deref(), &settings, seed, progress)?;
+            done.report.seconds.insert("prepare".to_owned(), prepared);
+            Ok(done)
+        },
+        |py, synthesis| Ok(Py::new(py, Synthesis::new(py, synthesis)?)?.into_any()),
     )
 }
 

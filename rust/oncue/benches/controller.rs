@@ -52,9 +52,10 @@ fn main() {
     println!("state: {} numbers", environment.state_size());
     decision(&environment, &policy);
 
-    let mut rollout = Rollout::new(&environment, 1);
+    let mut rollout = Rollout::new(std::slice::from_ref(&environment), 1);
     let lap = Instant::now();
-    let mut tuples = rollout.gather(&environment, &policy, settings.ppo.tuples, &progress);
+    let mut tuples =
+        rollout.gather(std::slice::from_ref(&environment), &policy, settings.ppo.tuples, &progress);
     let rolled = lap.elapsed().as_secs_f64();
     let lap = Instant::now();
     let mut ppo = Ppo::new(&policy, &settings.ppo, 1);

@@ -17,6 +17,7 @@ use oncue::editor::plain_ik::plain_ik;
 use oncue::editor::seat::Seat;
 use oncue::editor::smoothness::smoothness;
 use oncue::editor::{ConstraintFigures, Manifold};
+use oncue::library::database::MotionDatabase;
 use oncue::metrics::{foot_figures, penetration_figures};
 use oncue::scene::SceneIndex;
 use oncue::settings::EditorSettings;
@@ -70,9 +71,13 @@ fn controllers_motion(
 
 fn main() -> Result<(), AnyError> {
     let a = arguments()?;
+    let progress = Progress::new();
+    let library = oncue::library::starter::generate(&progress)?;
+    let settings = Settings::default();
     let run = Run {
-        progress: Progress::new(),
-        library: oncue::library::starter::generate(&Progress::new())?,
+        database: MotionDatabase::build(&library, &settings.synthesizer.weights, &progress)?,
+        progress,
+        library,
         settings: Settings {
             editor: EditorSettings { fit: false, ..Default::default() },
             ..Default::default()
@@ -94,6 +99,7 @@ struct Run {
     arguments: Arguments,
     progress: Progress,
     library: MotionLibrary,
+    database: MotionDatabase,
     settings: Settings,
     manifold: Option<Manifold>,
 }
@@ -137,7 +143,8 @@ impl Run {
             let Some((_, index)) = &scene else { continue };
             let name = format!("{}-{}", row.room, row.number);
             let made = controllers_motion(self.arguments.motions.as_deref(), &name, || {
-                let done = synthesize(index, &self.library, &row.task, &self.settings, 1, &self.progress)?;
+                let done =
+                    synthesize(index, &self.database, &row.task, None, &self.settings, 1, &self.progress)?;
                 Ok((done.motion, done.report.cues[0].frame))
             });
             let (motion, complete) = match made {
@@ -183,8 +190,7 @@ impl Run {
                 let (acc, acc_was) = (smoothness(&fit.motion, &span), smoothness(&motion, &span));
                 let ignore = self.settings.reward.ignore_below;
                 let body = |m: &Motion| {
-                    let sits =
-                        m.postures.iter().rposition(|p| p.root_position.z - floor > 0.85).map(|f| f + 1);
+                    let sits = row.task.cue.seat_height().map(|seat| (complete.saturating_sub(45), seat));
                     penetration_figures(m, index, floor, ignore, sits).whole_body_percent
                 };
                 let feet = |f: Option<f32>| f.map_or("  - ".into(), |f| format!("{f:4.2}"));
@@ -247,7 +253,15 @@ impl Run {
             for (how, name) in ["manifold", "finishing", "plain IK"].into_iter().enumerate() {
                 let began = Instant::now();
                 let ours = |settings| {
-                    manipulate(self.manifold.as_ref(), &task.motion, cues, 0.0, settings, &self.progress)
+                    manipulate(
+                        self.manifold.as_ref(),
+                        &task.motion,
+                        cues,
+                        None,
+                        0.0,
+                        settings,
+                        &self.progress,
+                    )
                 };
                 let done = match how {
                     0 if self.manifold.is_none() => continue,

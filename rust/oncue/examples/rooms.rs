@@ -11,6 +11,7 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use oncue::library::LibrarySettings;
+use oncue::library::database::MotionDatabase;
 use oncue::scene::SceneIndex;
 use oncue::{MotionLibrary, Progress, Settings, synthesize};
 
@@ -54,6 +55,7 @@ fn main() -> Result<(), AnyError> {
     let a = arguments()?;
     let progress = Progress::new();
     let library = library(&a.library, &progress)?;
+    let database = MotionDatabase::build(&library, &a.settings.synthesizer.weights, &progress)?;
     println!("library: {} clips, {} frames", library.clips.len(), library.frame_count());
     println!(
         "room:task                                seconds index updates  cm     deg  skate contact pen%  body%  path/shortest  kept"
@@ -72,7 +74,7 @@ fn main() -> Result<(), AnyError> {
         }
         let indexed = lap.elapsed().as_secs_f32();
         let Some((_, index)) = &scene else { continue };
-        match synthesize(index, &library, &row.task, &a.settings, a.seed, &progress) {
+        match synthesize(index, &database, &row.task, None, &a.settings, a.seed, &progress) {
             Err(error) => println!("{name:40} {error}"),
             Ok(done) => {
                 let r = &done.report;
@@ -91,7 +93,11 @@ fn main() -> Result<(), AnyError> {
                     r.shortest_path_m,
                     r.rollouts_succeeded,
                     r.rollouts,
-                    r.problems.join(" ")
+                    if r.penetration.parts_percent.is_empty() {
+                        r.problems.join(" ")
+                    } else {
+                        format!("{:?} {}", r.penetration.parts_percent, r.problems.join(" "))
+                    }
                 );
                 if let Some(out) = &a.out {
                     std::fs::create_dir_all(out)?;

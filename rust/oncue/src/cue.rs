@@ -4,6 +4,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use crate::math::Planar;
+use crate::motion::skeleton::SEATED_HIPS_HEIGHT;
 
 /// The action types of the controller (LAMA, a^type; section 3.2).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -56,6 +57,11 @@ pub struct ActionCue {
 impl ActionCue {
     pub fn planar(&self) -> Planar {
         Planar::new(self.position.truncate(), self.yaw)
+    }
+
+    /// World z of the seat's surface under a sit cue; `None` for a stop.
+    pub fn seat_height(&self) -> Option<f32> {
+        (self.action_type == ActionType::Sit).then_some(self.position.z - SEATED_HIPS_HEIGHT)
     }
 }
 

@@ -1,5 +1,7 @@
 //! What the paper measures (section 4.1), as the released code computes it, and stricter readings beside it.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::cue::{ActionCue, ActionType};
@@ -25,16 +27,18 @@ pub struct FootFigures {
 }
 
 /// How often the body is in the scene.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct PenetrationFigures {
     /// The paper's "penetration": share of frames with at least 10 leg or 7 arm crossings, percent.
     pub percent: f32,
     /// The same for legs and arms alone.
     pub legs_percent: f32,
     pub arms_percent: f32,
-    /// Share of frames in which any box of the whole body crosses the scene (the seat under pelvis and thighs
-    /// is not counted once the person sits down), percent.
+    /// Share of frames in which any box of the whole body crosses the scene (what carries pelvis and thighs, no
+    /// higher than the seat, is not counted once the person sits down), percent.
     pub whole_body_percent: f32,
+    /// Share of frames in which each part does so, percent: leg, arm, foot, torso, head.
+    pub parts_percent: BTreeMap<Limb, f32>,
 }
 
 /// How a cue was met.
@@ -161,17 +165,22 @@ impl Mean {
 }
 
 /// Penetration of a motion. `ignore_below`: crossings lower than this over `floor` are not counted, metres.
-/// `seated_from`: frame from which the seat carries pelvis and thighs.
+/// `seat`: the frame from which the person sits down, and the height of the seat that carries pelvis and thighs then.
 pub fn penetration_figures(
     motion: &Motion,
     scene: &SceneIndex,
     floor: f32,
     ignore_below: f32,
-    seated_from: Option<usize>,
+    seat: Option<(usize, f32)>,
 ) -> PenetrationFigures {
     let (mut both, mut legs, mut arms, mut body) = (0, 0, 0, 0);
+    let mut parts: BTreeMap<Limb, usize> = BTreeMap::new();
     for (frame, posture) in motion.postures.iter().enumerate() {
-        let counts = scene.body_intersections(&posture.pose(), floor + ignore_below);
+        let above = floor + ignore_below;
+        let counts = match seat.filter(|(from, _)| frame >= *from) {
+            Some((_, seat)) => scene.seated_intersections(&posture.pose(), above, seat),
+            None => scene.body_intersections(&posture.pose(), above),
+        };
         let of = |limb: Limb| -> u32 {
             BODY_BOXES.iter().zip(&counts).filter(|(b, _)| b.limb == limb).map(|(_, c)| c).sum()
         };
@@ -179,14 +188,19 @@ pub fn penetration_figures(
         legs += usize::from(in_legs);
         arms += usize::from(in_arms);
         both += usize::from(in_legs || in_arms);
-        let seated = seated_from.is_some_and(|from| frame >= from);
-        body += usize::from(BODY_BOXES.iter().zip(&counts).any(|(node, count)| {
-            let carried = seated && matches!(node.joint, Joint::Hips | Joint::LeftUpLeg | Joint::RightUpLeg);
-            *count > 0 && !carried
-        }));
+        let mut touching: Vec<Limb> = BODY_BOXES
+            .iter()
+            .zip(&counts)
+            .filter(|(_, count)| **count > 0)
+            .map(|(node, _)| node.limb)
+            .collect();
+        touching.dedup();
+        body += usize::from(!touching.is_empty());
+        touching.into_iter().for_each(|limb| *parts.entry(limb).or_default() += 1);
     }
     let percent = |n: usize| 100.0 * n as f32 / motion.len().max(1) as f32;
     PenetrationFigures {
+        parts_percent: parts.into_iter().map(|(limb, n)| (limb, percent(n))).collect(),
         percent: percent(both),
         legs_percent: percent(legs),
         arms_percent: percent(arms),

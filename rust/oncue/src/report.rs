@@ -5,11 +5,24 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::controller::optimize::UpdateFigures;
+use crate::editor::EditedFigures;
 use crate::metrics::{FootFigures, PenetrationFigures, Residual};
 use crate::settings::Settings;
 
 /// Version of the report's layout.
 pub const REPORT_VERSION: u32 = 1;
+
+/// Which policy a run began with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PolicySource {
+    /// Random weights: the paper's way.
+    Scratch,
+    /// The one that ships with Oncue.
+    Prior,
+    /// One that an earlier task in the scene left.
+    Kept,
+}
 
 /// The report of one run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -27,12 +40,16 @@ pub struct Report {
     pub cues: Vec<Residual>,
     pub foot: FootFigures,
     pub penetration: PenetrationFigures,
+    /// What the editor did; none where it is switched off or the action was not completed.
+    pub edited: Option<EditedFigures>,
     pub frames: usize,
     /// Metres the root travelled, and the shortest clear path.
     pub path_m: f32,
     pub shortest_path_m: f32,
     /// Seconds of each stage, by name.
     pub seconds: BTreeMap<String, f32>,
+    pub policy_source: PolicySource,
+    /// Updates of this run; 0 where the policy that was there served the task.
     pub updates: usize,
     pub environment_steps: usize,
     pub environment_steps_per_second: f32,

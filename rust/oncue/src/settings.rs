@@ -239,6 +239,7 @@ pub struct PpoSettings {
     /// Tuples per update (30,000) and per gradient step (512).
     pub tuples: usize,
     pub batch: usize,
+    /// Passes over the tuples of an update (the paper gives none; released: 5).
     pub epochs: usize,
     pub gradient_norm: f32,
     /// Initial log standard deviation of a^future and a^offset.
@@ -253,6 +254,8 @@ pub struct PpoSettings {
     pub seconds: f32,
     /// Share of episodes that begin elsewhere on the clear floor, facing anywhere.
     pub vary_start: f32,
+    /// Begin with the policy that ships with Oncue where there is none for the scene, not from scratch.
+    pub prior: bool,
 }
 
 impl Default for PpoSettings {
@@ -267,7 +270,7 @@ impl Default for PpoSettings {
             clip: 0.2,
             tuples: 8192,
             batch: 512,
-            epochs: 5,
+            epochs: 3,
             gradient_norm: 0.5,
             log_std_future: -1.8,
             log_std_offset: -1.2,
@@ -276,6 +279,7 @@ impl Default for PpoSettings {
             solved: 0.5,
             seconds: 600.0,
             vary_start: 0.5,
+            prior: true,
         }
     }
 }
@@ -286,13 +290,17 @@ impl Default for PpoSettings {
 pub struct KeptSettings {
     /// Rollouts of the policy from the task's start; the best by the report's figures is kept. 1: the policy's mean alone.
     pub rollouts: usize,
-    /// Rounds in which new rollouts branch off the best one so far.
+    /// Rounds in which new rollouts branch off the best so far…
     pub rounds: usize,
+    /// …of which so many are kept to branch off…
+    pub branches: usize,
+    /// …and so many rounds more while the best motion still has something that an artist would mind.
+    pub more_rounds: usize,
 }
 
 impl Default for KeptSettings {
     fn default() -> Self {
-        Self { rollouts: 128, rounds: 3 }
+        Self { rollouts: 128, rounds: 3, branches: 6, more_rounds: 9 }
     }
 }
 
@@ -368,14 +376,17 @@ impl Settings {
                 settings.reward.geodesic = false;
                 settings.reward.body_weight = 0.0;
                 settings.ppo.tuples = 30_000;
+                settings.ppo.epochs = 5;
                 settings.ppo.solved = 0.9;
                 settings.ppo.log_std_future = 0.0;
                 settings.ppo.log_std_offset = 0.0;
                 settings.ppo.updates = 200;
                 settings.ppo.seconds = 2400.0;
                 settings.ppo.vary_start = 0.0;
+                settings.ppo.prior = false;
                 settings.kept.rollouts = 1;
                 settings.kept.rounds = 0;
+                settings.kept.more_rounds = 0;
             }
             other => {
                 return Err(Error::input(format!(

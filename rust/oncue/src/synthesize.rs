@@ -1,131 +1,230 @@
-//! The main job, in reading order: check, match, optimize, keep, hold, measure.
+//! The main job, in reading order: check, find a motion, hold, edit, measure.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use crate::controller::{Environment, EpisodeEnd, keep_motion, optimize_policy};
+use crate::controller::optimize::UpdateFigures;
+use crate::controller::{Environment, EpisodeEnd, KeptMotion, KeptPolicy, keep_motion, optimize_policy};
 use crate::cue::{ActionType, Task};
+use crate::editor::{check_manipulations, edit_for_task};
 use crate::error::Result;
-use crate::library::MotionLibrary;
 use crate::library::database::MotionDatabase;
-use crate::metrics::{foot_figures, penetration_figures, residual};
+use crate::metrics::{Residual, foot_figures, penetration_figures, residual};
 use crate::motion::{FRAME_RATE, Motion};
 use crate::progress::Progress;
-use crate::report::{REPORT_VERSION, Report};
+use crate::report::{PolicySource, REPORT_VERSION, Report};
 use crate::scene::{SceneIndex, check_task};
 use crate::settings::Settings;
 
-/// A motion and its report.
+/// A motion, its report, and the policy that played it.
 #[derive(Debug, Clone)]
 pub struct Synthesis {
     pub motion: Motion,
     pub report: Report,
+    /// To be kept for the next task in the scene.
+    pub policy: KeptPolicy,
 }
 
-/// M = LAMA(W, Φ, g_init) (LAMA, eq. 1), up to the motion editor.
+/// M = LAMA(W, Φ, g_init) (LAMA, eq. 1), edited to fit its seat and its hands' cues.
 ///
-/// The same seed gives the same motion on any number of threads.
+/// `kept` is a policy of the same scene and library. Where the shipped prior, or else `kept`, serves the task, its
+/// motion is taken at once; where neither does, `kept` (or the prior) is fine-tuned (section 3.5). The prior comes
+/// first so that a motion depends on what was kept only where the prior fails. Settings may have every policy begin
+/// from scratch. The same seed, settings and policy give the same motion on any number of threads.
 ///
 /// # Errors
 /// `Unreachable` or `Input` when the task cannot be met as given, before anything is optimized; `Cancelled`.
 pub fn synthesize(
     scene: &SceneIndex,
-    library: &MotionLibrary,
+    database: &MotionDatabase,
     task: &Task,
+    kept: Option<&KeptPolicy>,
     settings: &Settings,
     seed: u64,
     progress: &Progress,
 ) -> Result<Synthesis> {
-    let mut seconds = BTreeMap::new();
-    let mut lap = Instant::now();
-    let mut stage_done = |name: &str| {
-        seconds.insert(name.to_owned(), lap.elapsed().as_secs_f32());
-        lap = Instant::now();
-    };
-
+    let mut laps = Laps::new();
     progress.stage("Checking the cues");
     check_task(scene, task)?;
-    stage_done("check");
+    check_manipulations(task)?;
+    let environment = Environment::new(scene, database, task, settings);
+    laps.done("check");
 
-    progress.stage("Preparing the motion library");
-    let database = MotionDatabase::build(library, &settings.synthesizer.weights, progress)?;
-    let environment = Environment::new(scene, &database, task, settings);
-    stage_done("prepare");
-    progress.check()?;
+    let there = policies_there(kept, settings);
+    let Found { mut kept, policy, source, learning } =
+        find_motion(&environment, &there, seed, progress, &mut laps)?;
 
-    progress.stage("Optimizing");
-    let optimized = optimize_policy(&environment, None, seed, progress)?;
-    stage_done("optimize");
-
-    progress.stage("Choosing the best motion");
-    let mut kept = keep_motion(&environment, &optimized.policy, seed, progress)?;
     let complete = kept.motion.len().saturating_sub(1);
-    let hold = (settings.synthesizer.hold_seconds * FRAME_RATE) as usize;
     let mut motion = std::mem::take(&mut kept.motion);
     if kept.end == EpisodeEnd::Complete {
-        for _ in 0..hold {
-            kept.episode.character.advance(&database, &Default::default());
+        for _ in 0..(settings.synthesizer.hold_seconds * FRAME_RATE) as usize {
+            kept.episode.character.advance(database, &Default::default());
             motion.postures.push(kept.episode.character.posture);
             motion.contacts.push(kept.episode.character.contact);
         }
     }
-    stage_done("keep");
+
+    let edited = if settings.editor.fit && kept.end == EpisodeEnd::Complete {
+        Some(edit_for_task(&mut motion, task, complete, scene, &settings.editor, progress)?)
+    } else {
+        None
+    };
+    let complete = edited.as_ref().map_or(complete, |e| e.complete_frame);
+    laps.done("edit");
 
     progress.stage("Measuring");
     let floor = task.start.position.z;
-    let sits = task.cue.action_type == ActionType::Sit && kept.end == EpisodeEnd::Complete;
-    let descent = motion.postures.iter().rposition(|p| p.root_position.z - floor > 0.85).map(|f| f + 1);
+    let seat = kept.episode.action_from.zip(task.cue.seat_height());
     let cues: Vec<_> = residual(&task.cue, &motion, complete).into_iter().collect();
     let foot = foot_figures(&motion, floor);
     let ignore = settings.reward.ignore_below;
-    let penetration = penetration_figures(&motion, scene, floor, ignore, descent.filter(|_| sits));
-    stage_done("measure");
+    let penetration = penetration_figures(&motion, scene, floor, ignore, seat);
+    laps.done("measure");
 
-    let mut problems = Vec::new();
-    match kept.end {
-        EpisodeEnd::Complete => {
-            for cue in cues.iter().filter(|c| !c.met) {
-                problems.push(format!(
-                    "Cue '{}' was missed by {:.0} cm and {:.0}°.",
-                    cue.cue, cue.pelvis_cm, cue.facing_degrees
-                ));
-            }
-        }
-        EpisodeEnd::Collision => problems.push(format!(
-            "No motion reached '{}' without running into something; make more room on the way or move the cue.",
-            task.cue.name
-        )),
-        EpisodeEnd::Stall | EpisodeEnd::TooLong => problems.push(format!(
-            "The character got near '{}' but found no way to finish there; turn the cue towards free floor or move it {}.",
-            task.cue.name,
-            if task.cue.action_type == ActionType::Sit { "nearer the front of the seat" } else { "a little" }
-        )),
-        EpisodeEnd::LeftScene => {
-            problems.push("The character left the scene; start it farther from the edge.".to_owned());
-        }
-    }
+    let mut problems = problems(kept.end, &cues, task);
+    problems.extend(edited.iter().flat_map(|e| e.problems.clone()));
     let report = Report {
         report_version: REPORT_VERSION,
         version: env!("CARGO_PKG_VERSION").to_owned(),
         seed,
-        library_checksum: library.checksum(),
+        library_checksum: database.library_checksum.clone(),
         settings: settings.clone(),
         success: problems.is_empty(),
         problems,
         cues,
         foot,
         penetration,
+        edited,
         frames: motion.len(),
         path_m: kept.tally.travelled,
         shortest_path_m: environment.path.distance(task.start.planar().position),
-        seconds,
-        updates: optimized.curve.len(),
-        environment_steps: optimized.environment_steps,
-        environment_steps_per_second: optimized.environment_steps as f32
-            / optimized.rollout_seconds.max(1e-3),
+        seconds: laps.seconds,
+        policy_source: source,
+        updates: learning.curve.len(),
+        environment_steps: learning.environment_steps,
+        environment_steps_per_second: learning.environment_steps as f32 / learning.rollout_seconds.max(1e-3),
         rollouts: kept.rollouts,
         rollouts_succeeded: kept.succeeded,
-        curve: optimized.curve,
+        curve: learning.curve,
     };
-    Ok(Synthesis { motion, report })
+    Ok(Synthesis { motion, report, policy })
+}
+
+/// The policies that can be played before any is optimized.
+fn policies_there<'a>(
+    kept: Option<&'a KeptPolicy>,
+    settings: &Settings,
+) -> Vec<(&'a KeptPolicy, PolicySource)> {
+    let prior = KeptPolicy::prior().filter(|_| settings.ppo.prior).map(|p| (p, PolicySource::Prior));
+    let kept = kept.map(|k| (k, PolicySource::Kept));
+    prior.into_iter().chain(kept).filter(|(policy, _)| policy.fits(settings)).collect()
+}
+
+struct Found {
+    kept: KeptMotion,
+    policy: KeptPolicy,
+    source: PolicySource,
+    learning: Learning,
+}
+
+#[derive(Default)]
+struct Learning {
+    curve: Vec<UpdateFigures>,
+    environment_steps: usize,
+    rollout_seconds: f32,
+}
+
+/// The motion of a policy that is there where one serves the task, else that of one optimized from the last of them.
+fn find_motion(
+    environment: &Environment,
+    there: &[(&KeptPolicy, PolicySource)],
+    seed: u64,
+    progress: &Progress,
+    laps: &mut Laps,
+) -> Result<Found> {
+    let settings = environment.settings;
+    let task = environment.task;
+    let origin_from = |start: Option<&KeptPolicy>| {
+        let mut origin = start.map(|s| s.origin.clone()).unwrap_or_default();
+        origin.scene = environment.scene.fingerprint().to_owned();
+        origin.library = environment.database.library_checksum.clone();
+        origin.cues.retain(|cue| cue != &task.cue);
+        origin.cues.push(task.cue.clone());
+        origin
+    };
+
+    progress.stage("Playing the policy");
+    for &(start, source) in there {
+        let kept = keep_motion(environment, &start.policy, seed, progress)?;
+        laps.done("play");
+        if environment.is_clean(kept.end, &kept.tally) {
+            let policy = KeptPolicy { origin: origin_from(Some(start)), ..start.clone() };
+            return Ok(Found { kept, policy, source, learning: Learning::default() });
+        }
+    }
+
+    let (start, source) =
+        there.last().map_or((None, PolicySource::Scratch), |&(p, source)| (Some(p), source));
+    progress.stage("Optimizing");
+    let begin = start.map(|s| s.policy.clone());
+    let optimized = optimize_policy(std::slice::from_ref(environment), begin, seed, progress)?;
+    laps.done("optimize");
+    progress.stage("Choosing the best motion");
+    let kept = keep_motion(environment, &optimized.policy, seed, progress)?;
+    laps.done("keep");
+    let mut origin = origin_from(start);
+    origin.updates += optimized.curve.len();
+    origin.environment_steps += optimized.environment_steps;
+    origin.success_rate = kept.succeeded as f32 / kept.rollouts.max(1) as f32;
+    let learning = Learning {
+        curve: optimized.curve,
+        environment_steps: optimized.environment_steps,
+        rollout_seconds: optimized.rollout_seconds,
+    };
+    Ok(Found { kept, policy: KeptPolicy::new(optimized.policy, settings, origin), source, learning })
+}
+
+/// In words what went wrong; empty when nothing did.
+fn problems(end: EpisodeEnd, cues: &[Residual], task: &Task) -> Vec<String> {
+    let name = &task.cue.name;
+    let sits = task.cue.action_type == ActionType::Sit;
+    match end {
+        EpisodeEnd::Complete => cues
+            .iter()
+            .filter(|cue| !cue.met)
+            .map(|cue| {
+                format!(
+                    "Cue '{}' was missed by {:.0} cm and {:.0}°.",
+                    cue.cue, cue.pelvis_cm, cue.facing_degrees
+                )
+            })
+            .collect(),
+        EpisodeEnd::Collision => vec![format!(
+            "No motion reached '{name}' without running into something; make more room on the way or move the cue."
+        )],
+        EpisodeEnd::Stall | EpisodeEnd::TooLong => vec![format!(
+            "The character got near '{name}' but found no way to finish there; turn the cue towards free floor or move it {}.",
+            if sits { "nearer the front of the seat" } else { "a little" }
+        )],
+        EpisodeEnd::LeftScene => {
+            vec!["The character left the scene; start it farther from the edge.".to_owned()]
+        }
+    }
+}
+
+/// Seconds of each stage, by name; a stage that comes again adds up.
+struct Laps {
+    begun: Instant,
+    seconds: BTreeMap<String, f32>,
+}
+
+impl Laps {
+    fn new() -> Self {
+        Self { begun: Instant::now(), seconds: BTreeMap::new() }
+    }
+
+    fn done(&mut self, stage: &str) {
+        *self.seconds.entry(stage.to_owned()).or_default() += self.begun.elapsed().as_secs_f32();
+        self.begun = Instant::now();
+    }
 }

@@ -1,9 +1,12 @@
 //! The main job on a room made in code: what must hold of every motion, whatever the task.
 
 use glam::{Quat, Vec3};
+use oncue::controller::KeptPolicy;
+use oncue::library::database::MotionDatabase;
 use oncue::library::starter;
 use oncue::metrics::foot_figures;
 use oncue::motion::Joint;
+use oncue::report::PolicySource;
 use oncue::scene::SceneIndex;
 use oncue::{ActionCue, ActionType, Error, InitialState, Progress, Settings, Synthesis, Task, synthesize};
 
@@ -59,15 +62,24 @@ fn small() -> Settings {
     settings.ppo.tuples = 1024;
     settings.ppo.updates = 2;
     settings.ppo.solved = 0.2;
+    settings.ppo.prior = false;
     settings.kept.rollouts = 48;
     settings.kept.rounds = 1;
     settings
 }
 
-fn run(task: &Task, seed: u64) -> Synthesis {
+fn database() -> MotionDatabase {
     let progress = Progress::new();
     let library = starter::generate(&progress).expect("the starter library");
-    synthesize(&room(), &library, task, &small(), seed, &progress).expect("a motion")
+    MotionDatabase::build(&library, &Settings::default().synthesizer.weights, &progress).expect("a database")
+}
+
+fn run(task: &Task, seed: u64) -> Synthesis {
+    run_from(task, seed, None)
+}
+
+fn run_from(task: &Task, seed: u64, kept: Option<&KeptPolicy>) -> Synthesis {
+    synthesize(&room(), &database(), task, kept, &small(), seed, &Progress::new()).expect("a motion")
 }
 
 /// Largest change of a joint's rotation from one frame to the next, and of that change, radians.
@@ -128,10 +140,44 @@ fn one_seed_one_motion_on_one_thread_and_on_three() {
 }
 
 #[test]
+fn a_kept_policy_plays_a_moved_task_without_optimizing() {
+    let first = run(&task(ActionType::Sit), 3);
+    assert_eq!(first.report.policy_source, PolicySource::Scratch);
+    assert!(
+        first.report.updates > 0
+            && first.policy.belongs_to(room().fingerprint(), &database().library_checksum)
+    );
+    let mut moved = task(ActionType::Sit);
+    moved.start.position.x -= 0.8;
+    moved.start.yaw = -1.0;
+    moved.cue.position.x += 0.15;
+    let second = run_from(&moved, 4, Some(&first.policy));
+    assert_eq!((second.report.policy_source, second.report.updates), (PolicySource::Kept, 0));
+    assert!(second.report.success, "{:?}", second.report.problems);
+    assert_eq!(second.policy.policy, first.policy.policy);
+    assert_eq!(second.policy.origin.cues, [task(ActionType::Sit).cue, moved.cue]);
+    // A policy of other settings is not played.
+    let other = KeptPolicy { state: Settings::preset("paper").expect("a preset").state, ..first.policy };
+    assert_eq!(run_from(&task(ActionType::Sit), 3, Some(&other)).report.policy_source, PolicySource::Scratch);
+}
+
+#[test]
+fn the_prior_serves_a_room_it_never_saw() {
+    let settings = Settings::default();
+    for action_type in [ActionType::Sit, ActionType::Stop] {
+        let task = task(action_type);
+        let done =
+            synthesize(&room(), &database(), &task, None, &settings, 5, &Progress::new()).expect("a motion");
+        assert_eq!((done.report.policy_source, done.report.updates), (PolicySource::Prior, 0));
+        assert!(done.report.success, "{:?}", done.report.problems);
+    }
+}
+
+#[test]
 fn cancel_is_seen() {
-    let progress = Progress::new();
-    let library = starter::generate(&progress).expect("the starter library");
+    let (database, progress) = (database(), Progress::new());
     progress.cancel();
-    let result = synthesize(&room(), &library, &task(ActionType::Sit), &Settings::default(), 1, &progress);
+    let task = task(ActionType::Sit);
+    let result = synthesize(&room(), &database, &task, None, &Settings::default(), 1, &progress);
     assert!(matches!(result, Err(Error::Cancelled)));
 }

@@ -16,10 +16,13 @@ use crate::library::database::MotionDatabase;
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
-use crate::motion::{BODY_BOXES, Joint, Motion, Posture};
+use crate::motion::{Motion, Posture};
 use crate::scene::{ClearPath, SceneIndex};
 use crate::settings::Settings;
 use crate::synthesizer::{Character, PostureOffset};
+
+/// Frames before the end of a sit or stop at which the posture offset is gone; it begins to fade twice as early.
+const OFFSET_FADE: f32 = 15.0;
 
 /// What an episode plays in. Shared by all threads.
 #[derive(Debug)]
@@ -79,6 +82,8 @@ pub struct Episode {
     /// Mean r_coli of the last frames, and where the root was.
     collisions: [f32; 5],
     trail: Vec<Vec2>,
+    /// Frame at which the sit or stop was entered.
+    pub action_from: Option<usize>,
     /// The motion, if it is recorded.
     pub record: Option<Motion>,
 }
@@ -113,6 +118,11 @@ impl<'a> Environment<'a> {
         }
         let walk_weights = settings.synthesizer.weights.vector(ActionType::Walk);
         Self { scene, database, task, settings, path, walk_weights, starts }
+    }
+
+    /// Places on the clear floor from which the cue can be reached, 15 cm apart.
+    pub fn starts(&self) -> &[Vec2] {
+        &self.starts
     }
 
     pub fn state_size(&self) -> usize {
@@ -150,6 +160,7 @@ impl<'a> Environment<'a> {
             before,
             collisions: [1.0; 5],
             trail: vec![start.position],
+            action_from: None,
             record: None,
         }
     }
@@ -184,6 +195,7 @@ impl<'a> Environment<'a> {
         }
         if action.is_some() {
             episode.character.align(&self.task.cue);
+            episode.action_from = Some(episode.tally.frames);
         }
         let smooth = transition_reward(cost, &settings.reward);
         let (mean, end) = self.play(episode, &signal.posture_offset, action.is_some());
@@ -238,9 +250,14 @@ impl<'a> Environment<'a> {
                 end = Some(EpisodeEnd::Complete);
                 break;
             }
-            // The arms are free while walking; what the clip's hands do on the way down is the clip's.
-            let offset = if action { &[glam::Vec3::ZERO; 4] } else { offset };
-            end = self.frame(episode, offset, action, &mut means);
+            // On the way down the arms may still be tucked in; at its end the hands lie where the clip lays them.
+            let ahead = episode.character.until_complete(self.database);
+            let fade = if action {
+                ahead.map_or(0.0, |a| (a as f32 / OFFSET_FADE - 1.0).clamp(0.0, 1.0))
+            } else {
+                1.0
+            };
+            end = self.frame(episode, &offset.map(|v| v * fade), action, &mut means);
             frames += 1;
         }
         means.finish(frames);
@@ -260,16 +277,13 @@ impl<'a> Environment<'a> {
         episode.character.advance(self.database, offset);
         let character = &episode.character;
         let floor = character.floor;
-        let mut counts = self.scene.body_intersections(&character.pose, floor + settings.reward.ignore_below);
-        if action && self.task.cue.action_type == ActionType::Sit {
-            // The seat under the pelvis is what a sit is for.
-            let descending = character.posture.root_position.z - floor < 0.85;
-            for (node, count) in BODY_BOXES.iter().zip(&mut counts) {
-                if descending && node.joint == Joint::Hips {
-                    *count = 0;
-                }
-            }
-        }
+        let above = floor + settings.reward.ignore_below;
+        // The seat under the pelvis is what a sit is for.
+        let seat = self.task.cue.seat_height().filter(|_| action);
+        let counts = match seat {
+            Some(seat) => self.scene.seated_intersections(&character.pose, above, seat),
+            None => self.scene.body_intersections(&character.pose, above),
+        };
         let coli = collision_reward(&counts, &settings.reward);
         let place = character.planar.position;
         let step = place.distance(root_before);
@@ -318,6 +332,15 @@ impl<'a> Environment<'a> {
             }
         }
         (frame >= termination.longest).then_some(EpisodeEnd::TooLong)
+    }
+
+    /// Nothing that an artist would mind: the cue met, no limb in the scene, no detour.
+    pub fn is_clean(&self, end: EpisodeEnd, tally: &Tally) -> bool {
+        let shortest = self.path.distance(self.task.start.planar().position);
+        self.succeeded(end, tally)
+            && tally.penetrating == 0
+            && tally.touching * 100 <= tally.frames
+            && tally.travelled <= 1.3 * shortest + 0.2
     }
 
     /// Whether an episode that ended so met its cue: within 10 cm and 20° (the table of the paper's robustness test).

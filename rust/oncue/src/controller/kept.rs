@@ -1,5 +1,5 @@
-//! The motion that is kept: the best of many rollouts of the policy from the task's start, then the
-//! best of rollouts that branch off it.
+//! The motion that is kept: the best of many rollouts of the policy from the task's start, and of rollouts that
+//! branch off the best ones so far.
 //!
 //! The paper keeps whatever the policy plays. Drawing a few hundred takes a fraction of a second, and
 //! the policy proposes all of them, so the best is never worse than the paper's.
@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::episode::{Environment, Episode, EpisodeEnd, Tally};
 use super::policy::{Draw, Policy, draw};
 use crate::error::Result;
+use crate::math::Planar;
 use crate::motion::{FRAME_RATE, Motion};
 use crate::nn::Activations;
 use crate::progress::Progress;
@@ -49,37 +50,37 @@ pub fn keep_motion(
 ) -> Result<KeptMotion> {
     let settings = &environment.settings.kept;
     let map = policy.normalizer.map();
-    let mut best: Option<Candidate> = None;
+    // The best so far, best first.
+    let mut best: Vec<Candidate> = Vec::new();
     let (mut rollouts, mut succeeded) = (0, 0);
-    for round in 0..=settings.rounds {
-        let branch = best.clone();
+    for round in 0..=settings.rounds + settings.more_rounds {
+        if round > settings.rounds && best.first().is_some_and(|b| environment.is_clean(b.end, &b.tally)) {
+            break;
+        }
         let played: Vec<Candidate> = (0..settings.rollouts as u64)
             .into_par_iter()
             .filter(|_| !progress.is_cancelled())
             .map(|i| {
                 let own = seed.wrapping_add(1 + i + ((round as u64) << 32));
-                match &branch {
-                    Some(best) => {
-                        let mut rng = Pcg64::seed_from_u64(own);
-                        let keep = rng.random_range(0..best.draws.len().max(1));
-                        play(environment, policy, &map, best.seed, &best.draws[..keep], own, 0.7)
-                    }
+                let Some(branch) = best.get(i as usize % best.len().max(1)) else {
                     // The first is the policy's mean.
-                    None => play(environment, policy, &map, own, &[], own, if i == 0 { 0.0 } else { 0.8 }),
-                }
+                    return play(environment, policy, &map, own, &[], own, if i == 0 { 0.0 } else { 0.8 });
+                };
+                let mut rng = Pcg64::seed_from_u64(own);
+                let keep = rng.random_range(0..branch.draws.len().max(1));
+                play(environment, policy, &map, branch.seed, &branch.draws[..keep], own, 0.7)
             })
             .collect();
         progress.check()?;
         progress.fraction((round + 1) as f32 / (settings.rounds + 1) as f32);
         rollouts += played.len();
         succeeded += played.iter().filter(|c| environment.succeeded(c.end, &c.tally)).count();
-        for candidate in played {
-            if best.as_ref().is_none_or(|b| candidate.cost < b.cost) {
-                best = Some(candidate);
-            }
-        }
+        best.extend(played);
+        // Stable: of equals the earlier stays first.
+        best.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        best.truncate(settings.branches.max(1));
     }
-    let best = best.ok_or(crate::error::Error::Cancelled)?;
+    let best = best.into_iter().next().ok_or(crate::error::Error::Cancelled)?;
     let episode = record(environment, &best);
     Ok(KeptMotion {
         motion: episode.record.clone().unwrap_or_default(),
@@ -102,28 +103,51 @@ fn play(
 ) -> Candidate {
     let mut rng = Pcg64::seed_from_u64(seed);
     let mut episode = environment.begin(&mut Pcg64::seed_from_u64(start_seed));
-    let mut state = vec![0.0; policy.state_size()];
-    let mut activations = Activations::default();
-    let mut draws = Vec::new();
-    let end = loop {
-        let observation = environment.observe(&episode, &mut state);
-        let drawn = match prefix.get(draws.len()) {
-            Some(drawn) => drawn.clone(),
-            None => {
-                Policy::normalize(&mut state, map);
-                let means = policy.means(&state, 1, &mut activations);
-                let mean: Vec<f32> = means.iter().zip(&observation.proposal).map(|(m, p)| m + p).collect();
-                draw(&mean, observation.allowed, &policy.log_std, spread, &mut rng)
-            }
-        };
-        let outcome = environment.step(&mut episode, &observation, &drawn);
-        draws.push(drawn);
-        if let Some(end) = outcome.end {
-            break end;
-        }
-    };
+    let mut draws = prefix.to_vec();
+    let end = play_on(environment, policy, map, &mut episode, &mut draws, spread, &mut rng);
     let cost = cost(environment, end, &episode);
     Candidate { seed: start_seed, draws, end, tally: episode.tally, cost }
+}
+
+/// Plays `draws`, then what the policy draws, which is added to them, until the episode ends.
+fn play_on(
+    environment: &Environment,
+    policy: &Policy,
+    map: &[(f32, f32)],
+    episode: &mut Episode,
+    draws: &mut Vec<Draw>,
+    spread: f32,
+    rng: &mut Pcg64,
+) -> EpisodeEnd {
+    let mut state = vec![0.0; policy.state_size()];
+    let mut activations = Activations::default();
+    for decision in 0.. {
+        let observation = environment.observe(episode, &mut state);
+        if decision == draws.len() {
+            Policy::normalize(&mut state, map);
+            let means = policy.means(&state, 1, &mut activations);
+            let mean: Vec<f32> = means.iter().zip(&observation.proposal).map(|(m, p)| m + p).collect();
+            draws.push(draw(&mean, observation.allowed, &policy.log_std, spread, rng));
+        }
+        if let Some(end) = environment.step(episode, &observation, &draws[decision]).end {
+            return end;
+        }
+    }
+    EpisodeEnd::TooLong
+}
+
+/// One rollout from `start`: how it ended and its figures. `map`: [`super::policy::Normalizer::map`].
+pub fn play_once(
+    environment: &Environment,
+    policy: &Policy,
+    map: &[(f32, f32)],
+    start: Planar,
+    spread: f32,
+    rng: &mut Pcg64,
+) -> (EpisodeEnd, Tally) {
+    let mut episode = environment.begin_at(start, rng);
+    let end = play_on(environment, policy, map, &mut episode, &mut Vec::new(), spread, rng);
+    (end, episode.tally)
 }
 
 /// Plays a candidate again, keeping every posture.

@@ -10,7 +10,7 @@ use super::episode::{Environment, EpisodeEnd};
 use super::policy::Policy;
 use super::ppo::Ppo;
 use super::rollout::{Rollout, Tuples};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::progress::Progress;
 
 /// One point of the learning curve.
@@ -41,23 +41,24 @@ pub struct OptimizedPolicy {
     pub learning_seconds: f32,
 }
 
-/// Optimizes π for the environment's task (LAMA, section 3.4), from `start` if given, else from scratch.
+/// Optimizes π for the task of one environment (LAMA, section 3.4), or for those of several (section 3.5), from
+/// `start` if given, else from scratch. All environments have the same settings.
 ///
 /// Stops when the task is solved, the updates are used up, or the time is
 /// ([`crate::settings::PpoSettings`]). The same seed gives the same policy unless the time runs out.
 pub fn optimize_policy(
-    environment: &Environment,
+    environments: &[Environment],
     start: Option<Policy>,
     seed: u64,
     progress: &Progress,
 ) -> Result<OptimizedPolicy> {
-    let settings = &environment.settings.ppo;
+    let first = environments.first().ok_or_else(|| Error::input("There is no cue to optimize for."))?;
+    let settings = &first.settings.ppo;
     let begun = Instant::now();
     let mut rng = Pcg64::seed_from_u64(seed);
-    let mut policy =
-        start.unwrap_or_else(|| Policy::new(environment.state_size(), environment.settings, &mut rng));
+    let mut policy = start.unwrap_or_else(|| Policy::new(first.state_size(), first.settings, &mut rng));
     let mut ppo = Ppo::new(&policy, settings, seed.wrapping_add(1));
-    let mut rollout = Rollout::new(environment, seed.wrapping_add(2));
+    let mut rollout = Rollout::new(environments, seed.wrapping_add(2));
     let mut result = OptimizedPolicy {
         policy: policy.clone(),
         curve: Vec::new(),
@@ -67,14 +68,20 @@ pub fn optimize_policy(
     };
     for update in 0..settings.updates {
         let lap = Instant::now();
-        let mut tuples = rollout.gather(environment, &policy, settings.tuples, progress);
+        let mut tuples = rollout.gather(environments, &policy, settings.tuples, progress);
         progress.check()?;
         result.rollout_seconds += lap.elapsed().as_secs_f32();
         result.environment_steps += tuples.rewards.len();
         let figures = UpdateFigures { seconds: begun.elapsed().as_secs_f32(), ..figures(update, &tuples) };
-        progress.update(update as u32, figures.reward, figures.success_rate.unwrap_or(0.0));
+        progress.update(
+            update as u32,
+            figures.reward,
+            figures.success_rate.or(figures.success_rate_anywhere).unwrap_or(0.0),
+        );
         progress.fraction((update as f32 / settings.updates as f32).max(figures.seconds / settings.seconds));
-        let solved = figures.success_rate.is_some_and(|s| s >= settings.solved);
+        // Where every episode begins elsewhere, those count.
+        let solved =
+            figures.success_rate.or(figures.success_rate_anywhere).is_some_and(|s| s >= settings.solved);
         result.curve.push(figures);
         if solved || begun.elapsed().as_secs_f32() > settings.seconds {
             break;

@@ -24,6 +24,11 @@ impl Normalizer {
         Self { count: 0.0, mean: vec![0.0; size], square: vec![0.0; size] }
     }
 
+    fn is_consistent(&self, size: usize) -> bool {
+        let sound = |numbers: &[f64]| numbers.len() == size && numbers.iter().all(|n| n.is_finite());
+        self.count.is_finite() && sound(&self.mean) && sound(&self.square)
+    }
+
     /// Takes in `rows` of states.
     pub fn update(&mut self, rows: &[f32]) {
         let size = self.mean.len();
@@ -89,6 +94,20 @@ impl Policy {
             log_std,
             normalizer: Normalizer::new(state_size),
         }
+    }
+
+    /// Whether its parts fit one another, a state and an action vector, and hold numbers only.
+    pub fn is_consistent(&self, state_size: usize, vector_size: usize) -> bool {
+        let fits = |net: &Mlp, outputs: usize| {
+            net.is_consistent() && net.input_size() == state_size && net.output_size() == outputs
+        };
+        fits(&self.policy, TYPE_COUNT + vector_size)
+            && fits(&self.value, 1)
+            && self.log_std.len() == vector_size
+            && self.normalizer.is_consistent(state_size)
+            && [&self.policy.parameters, &self.value.parameters, &self.log_std]
+                .iter()
+                .all(|numbers| numbers.iter().all(|n| n.is_finite()))
     }
 
     pub fn state_size(&self) -> usize {

@@ -1,5 +1,7 @@
 //! Tuples for PPO: many episodes side by side, in groups that each think in one product.
 //!
+//! One environment is test-time optimization of its task; several are the generalized controller of section 3.5,
+//! where each episode has another cue (and scene).
 //! A group of environments belongs to one thread at a time and has its own generators, so the tuples
 //! are the same whatever the number of threads.
 
@@ -57,17 +59,20 @@ struct Group {
 }
 
 struct Slot {
+    /// Which of the environments it plays in.
+    environment: usize,
     episode: Episode,
     own_start: bool,
 }
 
 impl Rollout {
-    pub fn new(environment: &Environment, seed: u64) -> Self {
+    /// `environments` must not be empty.
+    pub fn new(environments: &[Environment], seed: u64) -> Self {
         let groups = (0..GROUPS)
             .map(|g| {
                 let mut rng =
                     Pcg64::seed_from_u64(seed ^ (0x9E37_79B9_7F4A_7C15u64.wrapping_mul(g as u64 + 1)));
-                let slots = (0..GROUP).map(|_| Slot::begin(environment, &mut rng)).collect();
+                let slots = (0..GROUP).map(|_| Slot::begin(environments, &mut rng)).collect();
                 Group { slots, rng }
             })
             .collect();
@@ -77,7 +82,7 @@ impl Rollout {
     /// Gathers at least `count` tuples.
     pub fn gather(
         &mut self,
-        environment: &Environment,
+        environments: &[Environment],
         policy: &Policy,
         count: usize,
         progress: &Progress,
@@ -87,7 +92,7 @@ impl Rollout {
         let parts: Vec<Vec<Tuples>> = self
             .groups
             .par_iter_mut()
-            .map(|group| group.gather(environment, policy, &map, steps, progress))
+            .map(|group| group.gather(environments, policy, &map, steps, progress))
             .collect();
         let mut all = Tuples { per_environment: steps, ..Tuples::default() };
         for part in parts.into_iter().flatten() {
@@ -107,17 +112,19 @@ impl Rollout {
 }
 
 impl Slot {
-    fn begin(environment: &Environment, rng: &mut Pcg64) -> Self {
+    fn begin(environments: &[Environment], rng: &mut Pcg64) -> Self {
+        let chosen = if environments.len() > 1 { rng.random_range(0..environments.len()) } else { 0 };
+        let environment = &environments[chosen];
         let own_start = rng.random::<f32>() >= environment.settings.ppo.vary_start;
         let episode = if own_start { environment.begin(rng) } else { environment.begin_anywhere(rng) };
-        Self { episode, own_start }
+        Self { environment: chosen, episode, own_start }
     }
 }
 
 impl Group {
     fn gather(
         &mut self,
-        environment: &Environment,
+        environments: &[Environment],
         policy: &Policy,
         map: &[(f32, f32)],
         steps: usize,
@@ -136,7 +143,7 @@ impl Group {
                 .slots
                 .iter()
                 .zip(states.chunks_exact_mut(size))
-                .map(|(slot, state)| environment.observe(&slot.episode, state))
+                .map(|(slot, state)| environments[slot.environment].observe(&slot.episode, state))
                 .collect();
             if step == steps {
                 for (tuples, state) in out.iter_mut().zip(states.chunks_exact(size)) {
@@ -157,6 +164,7 @@ impl Group {
                     .collect();
                 let drawn = draw(&mean, observation.allowed, &policy.log_std, 1.0, &mut self.rng);
                 let slot = &mut self.slots[i];
+                let environment = &environments[slot.environment];
                 let outcome = environment.step(&mut slot.episode, observation, &drawn);
                 let tuples = &mut out[i];
                 tuples.proposals.extend_from_slice(&observation.proposal);
@@ -169,7 +177,7 @@ impl Group {
                 if let Some(end) = outcome.end {
                     let success = environment.succeeded(end, &slot.episode.tally);
                     tuples.episodes.push(EpisodeSummary { end, success, own_start: slot.own_start });
-                    *slot = Slot::begin(environment, &mut self.rng);
+                    *slot = Slot::begin(environments, &mut self.rng);
                 }
             }
         }

@@ -141,7 +141,8 @@ impl Degrees {
             .collect()
     }
 
-    /// Whether the numbers from which index on turn `joint`.
+    /// Where the numbers of `joint` begin, and how many they are.
+    #[cfg(test)]
     pub fn first_of(&self, joint: Joint) -> Option<(usize, usize)> {
         self.indexed()
             .find(|(p, _)| matches!(p, Part::Ball(j) | Part::Hinge(j) if *j == joint))
@@ -219,20 +220,53 @@ impl Degrees {
         }
     }
 
-    /// For each hinge: its number, and how far (radians) that is over its largest (positive) or under its least
-    /// (negative) value.
+    /// What is over its limit: where its numbers begin, the direction in which it is (one number for a hinge, three for a
+    /// ball joint), and how far, radians.
     pub fn beyond_limits<'a>(
         &'a self,
         frame: &'a Frame,
         correction: &'a [f64],
-    ) -> impl Iterator<Item = (usize, f64)> + 'a {
-        self.indexed().filter(|(p, _)| matches!(p, Part::Hinge(_))).zip(&frame.hinges).filter_map(
-            |((_, i), hinge)| {
-                let angle = hinge.angle + correction[i] as f32;
-                let over = (angle - hinge.most).max(0.0) + (angle - hinge.least).min(0.0);
-                (over != 0.0).then_some((i, f64::from(over)))
-            },
-        )
+    ) -> impl Iterator<Item = Beyond> + 'a {
+        let mut hinges = frame.hinges.iter();
+        self.indexed().filter_map(move |(part, first)| match part {
+            Part::Shift => None,
+            Part::Hinge(_) => {
+                let hinge = hinges.next()?;
+                let angle = hinge.angle + correction[first] as f32;
+                let over = f64::from((angle - hinge.most).max(0.0) + (angle - hinge.least).min(0.0));
+                (over != 0.0).then_some(Beyond { first, size: 1, direction: [1.0, 0.0, 0.0], over })
+            }
+            Part::Ball(joint) => {
+                let turn = &correction[first..first + 3];
+                let angle = turn.iter().map(|t| t * t).sum::<f64>().sqrt();
+                let over = angle - most_turn(joint);
+                let direction = [0, 1, 2].map(|i| turn[i] / angle.max(1e-9));
+                (over > 0.0).then_some(Beyond { first, size: 3, direction, over })
+            }
+        })
+    }
+}
+
+/// A part that is turned further than it goes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Beyond {
+    pub first: usize,
+    pub size: usize,
+    pub direction: [f64; 3],
+    pub over: f64,
+}
+
+/// How far a correction may turn a ball joint, radians: what a person has left from most postures.
+fn most_turn(joint: Joint) -> f64 {
+    use Joint::*;
+    match joint {
+        Hips => 1.3,
+        Spine | Spine1 | Spine2 => 0.5,
+        Neck | Head => 0.6,
+        LeftShoulder | RightShoulder => 0.35,
+        LeftFoot | RightFoot => 0.7,
+        LeftHand | RightHand => 1.3,
+        _ => 2.8,
     }
 }
 
@@ -354,7 +388,11 @@ mod tests {
         let bent = degrees.corrected(&frame, &correction).rotations[Joint::LeftForeArm.index()];
         assert!(bent.dot(Quat::from_rotation_y(-1.3)).abs() > 1.0 - 1e-5, "{bent}");
         correction[i] = -1.0;
-        let beyond: Vec<_> = degrees.beyond_limits(&frame, &correction).filter(|b| b.0 == i).collect();
-        assert!(beyond.len() == 1 && (beyond[0].1 + 0.10).abs() < 1e-3, "{beyond:?}");
+        let beyond: Vec<_> = degrees.beyond_limits(&frame, &correction).filter(|b| b.first == i).collect();
+        assert!(beyond.len() == 1 && (beyond[0].over + 0.10).abs() < 1e-3, "{beyond:?}");
+        let (i, _) = degrees.first_of(Joint::Spine1).expect("a spine");
+        correction[i + 1] = -0.7;
+        let beyond: Vec<_> = degrees.beyond_limits(&frame, &correction).filter(|b| b.first == i).collect();
+        assert!((beyond[0].over - 0.2).abs() < 1e-6 && beyond[0].direction == [0.0, -1.0, 0.0], "{beyond:?}");
     }
 }

@@ -6,11 +6,12 @@ use std::time::Instant;
 use glam::{Mat3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::constraint::{Constraint, check_constraints};
+use super::constraint::Constraint;
 use super::degrees::Degrees;
 use super::feet::{FootPlan, is_supported};
-use super::finish::{SPREAD, Span, Term, Touch, centre_of_mass, correct};
+use super::finish::{SPREAD, Span, Term, centre_of_mass, correct};
 use super::latent::{Decoder, Search, SearchFigures, Target, mix, search};
+use super::touch::Surfaces;
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
 use crate::math::rotation::{angle_between, wrap_angle, yaw};
@@ -54,6 +55,8 @@ pub struct ConstraintFigures {
 
 /// σ of a hard constraint, metres and radians: met to a fraction of a millimetre where the body can.
 const HARD: (f32, f32) = (2e-4, 1e-3);
+/// The weight of a standing person shifts no farther than this from where it was, metres: half of a foot's length.
+const BALANCE: f32 = 0.11;
 /// σ of the way to a constraint, metres.
 const WAY: f32 = 0.02;
 /// σ of a wish.
@@ -71,8 +74,8 @@ pub(super) struct Edit<'a> {
     pub feet: FootPlan,
     /// The frames that may change.
     pub span: Range<usize>,
-    /// Keep the body where it is seated (not where the pelvis itself is asked for).
-    pub touch: Option<Touch<'a>>,
+    /// What thighs and back of a seated body are kept out of.
+    pub surfaces: Option<Surfaces<'a>>,
     /// Local rotations that must come out exactly: frame, joint, rotation.
     pub exact: &'a [(usize, Joint, Quat)],
 }
@@ -91,7 +94,7 @@ impl<'a> Edit<'a> {
             settings,
             feet: FootPlan::of(motion),
             span: span(motion, constraints, settings),
-            touch: None,
+            surfaces: None,
             exact: &[],
         };
         let mut feet = edit.feet.clone();
@@ -275,15 +278,12 @@ impl<'a> Edit<'a> {
             let sigma = Vec3::splat(WAY);
             terms[frame - first].push(Term::Point { joint, offset: Vec3::ZERO, target, sigma });
         }
-        let shifted = self.touch.map(|touch| {
-            move |frame: usize, pose: &Pose, out: &mut Vec<Term>| touch(first + frame, pose, out)
-        });
         let span = Span {
             postures,
             joins: self.joins(),
             degrees: &degrees,
             terms: &terms,
-            touch: shifted.as_ref().map(|t| t as Touch),
+            surfaces: self.surfaces,
             spread: SPREAD,
         };
         correct(&span, progress)
@@ -323,7 +323,9 @@ impl<'a> Edit<'a> {
             sigma,
         });
         if !supported && !asks_pelvis {
-            out.push(Term::Balance { target: centre_of_mass(&pose), sigma: 0.03 });
+            let most =
+                if self.motion.contacts[frame].iter().all(|&c| c >= 1.0) { BALANCE } else { f32::INFINITY };
+            out.push(Term::Balance { target: centre_of_mass(&pose), sigma: 0.03, most });
         }
         self.free_terms(&pose, supported, &mut out);
         for c in self.constraints {
@@ -374,49 +376,68 @@ impl<'a> Edit<'a> {
         }
     }
 
-    /// Refuses constraints that the body cannot meet from where it stands or sits, before anything is edited.
+    /// Refuses those of `constraints` that the body cannot meet from where it stands or sits, before anything is edited.
     ///
     /// # Errors
     /// `Unreachable`; the sentence says by how much and which way to move the cue.
-    pub fn check_reach(&self, progress: &Progress) -> Result<()> {
+    pub fn check_reach(&self, constraints: &[Constraint], progress: &Progress) -> Result<()> {
         /// Frames looked at for each constraint.
         const LOOKS: usize = 9;
         /// A miss that the whole edit may still close, metres.
         const NEAR: f32 = 0.01;
         let degrees = self.degrees();
-        for c in self.constraints.iter().filter(|c| !c.soft && !c.positions.is_empty()) {
-            let frames = c.frames();
-            let looks = frames.len().min(LOOKS);
-            let looked: Vec<usize> =
-                (0..looks).map(|i| frames.start + i * (frames.len() - 1) / (looks - 1).max(1)).collect();
-            let postures: Vec<Posture> = looked.iter().map(|&f| self.motion.postures[f]).collect();
-            let terms: Vec<Vec<Term>> = looked.iter().map(|&f| self.terms(f)).collect();
+        let solve = |frames: &[usize], terms: Vec<Vec<Term>>| {
+            let postures: Vec<Posture> = frames.iter().map(|&f| self.motion.postures[f]).collect();
             let span = Span {
                 postures: &postures,
                 joins: [false; 2],
                 degrees: &degrees,
                 terms: &terms,
-                touch: None,
+                surfaces: self.surfaces,
                 spread: 0.0,
             };
-            let reached = correct(&span, progress)?;
-            let misses =
-                looked.iter().zip(&reached).zip(&postures).filter_map(|((&frame, posture), before)| {
-                    let target = c.position(frame)?;
-                    let miss = posture.pose().position(c.joint) - target;
-                    (miss.length() > NEAR).then_some((frame, miss, before.planar()))
-                });
-            let worst = misses.max_by(|a, b| a.1.length().total_cmp(&b.1.length()));
-            if let Some((frame, miss, here)) = worst {
-                let local = here.direction_to_local(miss.truncate());
-                return Err(Error::Unreachable(format!(
-                    "‘{}’ is {:.2} m out of reach of the {} on frame {frame}; move it {}, or the character nearer.",
-                    c.name,
-                    miss.length(),
-                    c.joint.name(),
-                    directions(local.x, -local.y, miss.z)
-                )));
+            correct(&span, progress)
+        };
+        let miss = |c: &Constraint, frame: usize, posture: &Posture| {
+            c.position(frame).map(|target| posture.pose().position(c.joint) - target)
+        };
+        for c in constraints.iter().filter(|c| !c.soft && !c.positions.is_empty()) {
+            let frames = c.frames();
+            let looks = frames.len().min(LOOKS);
+            let looked: Vec<usize> =
+                (0..looks).map(|i| frames.start + i * (frames.len() - 1) / (looks - 1).max(1)).collect();
+            let reached = solve(&looked, looked.iter().map(|&f| self.terms(f)).collect())?;
+            let worst = looked
+                .iter()
+                .zip(&reached)
+                .filter_map(|(&frame, posture)| Some((frame, miss(c, frame, posture)?.length())))
+                .filter(|(_, miss)| *miss > NEAR)
+                .max_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((frame, _)) = worst else { continue };
+            // Of several on that frame the one farthest from the root gives way: all that is missing is its.
+            let asked = constraints.iter().filter(|o| !o.soft && o.position(frame).is_some());
+            let blamed = asked.max_by_key(|o| o.joint).unwrap_or(c);
+            let mut terms = self.terms(frame);
+            let target = blamed.position(frame).unwrap_or_default();
+            for term in &mut terms {
+                if let Term::Point { joint, target: t, sigma, .. } = term
+                    && *joint == blamed.joint
+                    && *t == target
+                {
+                    *sigma = Vec3::splat(0.01);
+                }
             }
+            let posture = solve(&[frame], vec![terms])?[0];
+            let miss = miss(blamed, frame, &posture).unwrap_or_default();
+            let here = self.motion.postures[frame].planar();
+            let local = here.direction_to_local(miss.truncate());
+            return Err(Error::Unreachable(format!(
+                "‘{}’ is {:.2} m out of reach of the {} on frame {frame}; move it {}, or the character nearer.",
+                blamed.name,
+                miss.length(),
+                blamed.joint.name(),
+                directions(local.x, -local.y, miss.z)
+            )));
         }
         Ok(())
     }
@@ -504,23 +525,4 @@ pub fn constraint_figures(c: &Constraint, motion: &Motion) -> ConstraintFigures 
         max_degrees: max(&turns),
         met: max(&places).is_none_or(|m| m <= 1.0) && max(&turns).is_none_or(|m| m <= 3.0),
     }
-}
-
-/// Checks, and edits with a given decoder.
-pub fn edit_with<D: Decoder>(
-    decoder: Option<&D>,
-    motion: &Motion,
-    constraints: &[Constraint],
-    floor: f32,
-    settings: &EditorSettings,
-    progress: &Progress,
-) -> Result<Edited> {
-    progress.stage("Checking the constraints");
-    check_constraints(motion, constraints)?;
-    if constraints.is_empty() {
-        return Err(Error::input("There is nothing to edit: pin a bone or give a cue first."));
-    }
-    let edit = Edit::new(motion, constraints, floor, settings);
-    edit.check_reach(progress)?;
-    edit.run(decoder, progress)
 }

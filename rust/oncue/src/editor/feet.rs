@@ -85,7 +85,7 @@ impl FootPlan {
                         foot.sigma = 0.3;
                         continue;
                     }
-                    if away.length() * weight.min(1.0 - weight) > STEPS {
+                    if away.length() > STEPS && weight > 0.0 && weight < 1.0 {
                         foot.planted = false;
                         foot.sigma = foot.sigma.max(0.02);
                     }

@@ -9,6 +9,7 @@ use glam::{Quat, Vec2, Vec3};
 
 use super::banded::BandedMatrix;
 use super::degrees::{Column, Degrees, Frame, carries};
+use super::touch::Surfaces;
 use crate::error::Result;
 use crate::math::rotation::{to_angle_axis, wrap_angle, yaw};
 use crate::motion::{Joint, Pose, Posture};
@@ -17,14 +18,24 @@ use crate::progress::Progress;
 /// Frames over which a correction fades.
 pub const SPREAD: f64 = 7.0;
 /// Most Gauss-Newton steps.
-const STEPS: usize = 24;
+const STEPS: usize = 40;
+/// No σ is smaller at first than this share of the largest miss, and each step it is allowed to be this much smaller:
+/// a stiff valley is hard to follow from afar.
+const FIRST_SLACK: f64 = 0.1;
+const LESS_SLACK: f64 = 0.45;
+/// Slack that no longer matters.
+const NO_SLACK: f64 = 2e-5;
 /// Done when no number changes more (radians or metres), or when a step gains less than this share of the cost.
 const SETTLED: f64 = 2e-4;
 const GAINS: f64 = 1e-4;
 /// A single step turns no joint further, radians.
 const LARGEST_STEP: f64 = 0.5;
-/// σ of a hinge beyond its limit, radians.
-const LIMIT: f64 = 0.01;
+/// 1/σ above which a row is no wish.
+const HARD: f64 = 300.0;
+/// σ of a body beyond its balance, metres.
+const FALLS: f32 = 2e-4;
+/// σ of a joint beyond its limit, radians.
+const LIMIT: f64 = 0.002;
 
 /// Something that one frame's posture should meet. σ is the miss that weighs as much as a joint turned by its ease.
 #[derive(Debug, Clone, Copy)]
@@ -37,8 +48,8 @@ pub enum Term {
     Facing { yaw: f32, sigma: f32 },
     /// A point of a joint lies on the far side of a plane: normal·p ≥ least.
     Plane { joint: Joint, offset: Vec3, normal: Vec3, least: f32, sigma: f32 },
-    /// The body's weight stays over a place on the floor.
-    Balance { target: Vec2, sigma: f32 },
+    /// The body's weight stays over a place on the floor, and no farther from it than `most`, metres.
+    Balance { target: Vec2, sigma: f32, most: f32 },
     /// A joint's own rotation (relative to its parent) is as given; σ radians.
     Local { joint: Joint, target: Quat, sigma: f32 },
 }
@@ -64,9 +75,6 @@ pub fn centre_of_mass(pose: &Pose) -> Vec2 {
     WEIGHTS.iter().map(|&(joint, share)| pose.position(joint).truncate() * share).sum()
 }
 
-/// Terms that depend on where the body is now (surfaces under it): frame, pose, list to add to.
-pub type Touch<'a> = &'a (dyn Fn(usize, &Pose, &mut Vec<Term>) + Sync);
-
 /// A span of frames to be corrected.
 pub struct Span<'a> {
     pub postures: &'a [Posture],
@@ -75,7 +83,8 @@ pub struct Span<'a> {
     pub degrees: &'a Degrees,
     /// For each frame.
     pub terms: &'a [Vec<Term>],
-    pub touch: Option<Touch<'a>>,
+    /// What thighs and back of a seated body are kept out of, looked for anew at each step.
+    pub surfaces: Option<Surfaces<'a>>,
     /// Frames over which a correction fades; [`SPREAD`], or 0 for each frame by itself.
     pub spread: f64,
 }
@@ -91,13 +100,16 @@ pub fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
     let mut system = System::new(span);
     let mut damping = 0.0f64;
     let mut terms = span.terms.to_vec();
-    for _ in 0..STEPS {
+    for step in 0..STEPS {
         progress.check()?;
-        if let Some(touch) = span.touch {
+        if let Some(surfaces) = span.surfaces {
             for (f, list) in terms.iter_mut().enumerate() {
                 list.truncate(span.terms[f].len());
-                touch(f, &span.degrees.corrected(&ready[f], &x[f * n..(f + 1) * n]).pose(), list);
+                surfaces.terms(&span.degrees.corrected(&ready[f], &x[f * n..(f + 1) * n]).pose(), list);
             }
+        }
+        if step == 0 {
+            system.slack = FIRST_SLACK * system.largest_miss(span, &ready, &terms, &x);
         }
         let before = system.assemble(span, &ready, &terms, &x);
         let mut settled = true;
@@ -121,9 +133,10 @@ pub fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
                 break;
             }
         }
-        if settled {
+        if settled && system.slack < NO_SLACK {
             break;
         }
+        system.slack = if system.slack < NO_SLACK { 0.0 } else { LESS_SLACK * system.slack };
     }
     Ok((0..frames).map(|f| span.degrees.corrected(&ready[f], &x[f * n..(f + 1) * n])).collect())
 }
@@ -136,6 +149,8 @@ struct System {
     gradient: Vec<f64>,
     smoothing: f64,
     frames: usize,
+    /// The least σ that counts now, metres or radians.
+    slack: f64,
 }
 
 impl System {
@@ -151,7 +166,31 @@ impl System {
             gradient: vec![0.0; frames * n],
             smoothing,
             frames,
+            slack: 0.0,
         }
+    }
+
+    /// 1/σ of a row or a limit, as far as it counts now.
+    fn weight(&self, weight: f64) -> f64 {
+        1.0 / self.slack.max(1.0 / weight)
+    }
+
+    /// Of all rows that matter more than a wish, metres or radians.
+    fn largest_miss(&self, span: &Span, ready: &[Frame], terms: &[Vec<Term>], x: &[f64]) -> f64 {
+        let n = self.stiffness.len();
+        let mut largest = 0.0f64;
+        for (f, frame) in ready.iter().enumerate() {
+            let posture = span.degrees.corrected(frame, &x[f * n..(f + 1) * n]);
+            let pose = posture.pose();
+            for term in &terms[f] {
+                rows(term, &posture, &pose, |row| {
+                    if row.weight > HARD {
+                        largest = largest.max(row.miss.abs());
+                    }
+                });
+            }
+        }
+        largest
     }
 
     /// Second differences of frames `t-1, t, t+1`; beyond a joined end the correction is zero.
@@ -172,11 +211,17 @@ impl System {
         for (f, frame) in ready.iter().enumerate() {
             let x = &x[f * n..(f + 1) * n];
             sum += x.iter().zip(&self.stiffness).map(|(x, s)| s * x * x).sum::<f64>();
-            sum += span.degrees.beyond_limits(frame, x).map(|(_, over)| (over / LIMIT).powi(2)).sum::<f64>();
+            sum += span
+                .degrees
+                .beyond_limits(frame, x)
+                .map(|b| (b.over * self.weight(1.0 / LIMIT)).powi(2))
+                .sum::<f64>();
             let pose = span.degrees.corrected(frame, x).pose();
             let posture = &span.degrees.corrected(frame, x);
             for term in &terms[f] {
-                rows(term, posture, &pose, |row| sum += (row.miss * row.weight).powi(2));
+                rows(term, posture, &pose, |row| {
+                    sum += (row.miss * self.weight(row.weight)).powi(2);
+                });
             }
         }
         for window in self.differences(span) {
@@ -194,15 +239,23 @@ impl System {
         self.hessian.clear();
         self.gradient.fill(0.0);
         let (mut columns, mut row) = (Vec::new(), vec![0.0f64; n]);
+        let slack = self.slack;
         for (f, frame) in ready.iter().enumerate() {
             let (base, x) = (f * n, &x[f * n..(f + 1) * n]);
             for (i, stiffness) in self.stiffness.iter().enumerate() {
                 *self.hessian.at(base + i, base + i) += stiffness;
                 self.gradient[base + i] += stiffness * x[i];
             }
-            for (i, over) in span.degrees.beyond_limits(frame, x) {
-                *self.hessian.at(base + i, base + i) += LIMIT.powi(-2);
-                self.gradient[base + i] += over * LIMIT.powi(-2);
+            let limit = self.weight(1.0 / LIMIT);
+            for beyond in span.degrees.beyond_limits(frame, x) {
+                for i in 0..beyond.size {
+                    let scaled = beyond.direction[i] * limit * limit;
+                    self.gradient[base + beyond.first + i] += scaled * beyond.over;
+                    for j in 0..=i {
+                        let at = base + beyond.first;
+                        *self.hessian.at(at + i, at + j) += scaled * beyond.direction[j];
+                    }
+                }
             }
             let posture = span.degrees.corrected(frame, x);
             let pose = posture.pose();
@@ -210,7 +263,8 @@ impl System {
             for term in &terms[f] {
                 rows(term, &posture, &pose, |r| {
                     r.derivative(&columns, &pose, &mut row);
-                    let (miss, weight) = (r.miss * r.weight, r.weight);
+                    let weight = 1.0 / slack.max(1.0 / r.weight);
+                    let miss = r.miss * weight;
                     for i in 0..n {
                         if row[i] == 0.0 {
                             continue;
@@ -364,8 +418,13 @@ fn rows(term: &Term, posture: &Posture, pose: &Pose, mut give: impl FnMut(Row)) 
                 give(row(miss, sigma, Moved::Point { joint: joint.index(), point, direction: normal }));
             }
         }
-        Term::Balance { target, sigma } => {
+        Term::Balance { target, sigma, most } => {
             let miss = centre_of_mass(pose) - target;
+            let over = miss.length() - most;
+            if over > 0.0 {
+                let direction = (miss / miss.length()).extend(0.0);
+                give(row(over, FALLS, Moved::Mass { direction }));
+            }
             give(row(miss.x, sigma, Moved::Mass { direction: Vec3::X }));
             give(row(miss.y, sigma, Moved::Mass { direction: Vec3::Y }));
         }
@@ -402,9 +461,9 @@ mod tests {
                 Term::Point { joint: hand, offset: Vec3::X * 0.1, target: Vec3::new(-0.3, -0.3, 1.2), sigma: Vec3::new(0.1, 0.2, 0.3) },
                 Term::Facing { yaw: 0.3, sigma: 0.2 },
                 Term::Plane { joint: Joint::LeftFoot, offset: Vec3::ZERO, normal: Vec3::Z, least: 1.2, sigma: 0.1 },
-                Term::Balance { target: Vec2::new(0.2, 0.1), sigma: 0.2 },
+                Term::Balance { target: Vec2::new(0.2, 0.1), sigma: 0.2, most: 9.0 },
             ]; 3];
-            let span = Span { postures: &postures, joins: [true, false], degrees: &degrees, terms: &terms, touch: None, spread: 1.5 };
+            let span = Span { postures: &postures, joins: [true, false], degrees: &degrees, terms: &terms, surfaces: None, spread: 1.5 };
             let ready: Vec<Frame> = postures.iter().map(|p| degrees.frame(p)).collect();
             let mut system = System::new(&span);
             let x: Vec<f64> = (0..3 * degrees.count()).map(|i| x[i % x.len()]).collect();
@@ -441,7 +500,7 @@ mod tests {
             joins: [true; 2],
             degrees: &degrees,
             terms: &terms,
-            touch: None,
+            surfaces: None,
             spread: SPREAD,
         };
         let out = correct(&span, &Progress::new()).expect("a correction");

@@ -10,14 +10,16 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::constraint::{Constraint, check_path};
-use super::edit::{EditFigures, edit_with, reach_frames};
+use super::edit::{EditFigures, reach_frames};
 use super::feet::is_supported;
 use super::latent::Decoder;
+use super::resolve::{Wishes, resolve};
 use crate::cue::{ActionType, Hand, ManipulationCue, Task};
 use crate::error::{Error, Result};
 use crate::math::planar::rotate;
 use crate::motion::{Joint, Motion};
 use crate::progress::Progress;
+use crate::scene::SceneIndex;
 use crate::settings::EditorSettings;
 
 /// Two hands keep this far apart, metres.
@@ -84,7 +86,7 @@ fn check_cue(cue: &ManipulationCue) -> Result<()> {
     check_path(&cue.name, cue.first_frame.unwrap_or_default(), &cue.path)
 }
 
-/// Carries the hands of `motion` along `cues`. `complete`: the frame from which the person sits or stands at the cue.
+/// Carries the hands of `motion` along `cues`.
 ///
 /// # Errors
 /// `Input` for a path that is empty or jumps, a range outside the motion, or two paths for one hand; `Unreachable`, by how
@@ -93,6 +95,7 @@ pub fn manipulate<D: Decoder>(
     decoder: Option<&D>,
     motion: &Motion,
     cues: &[ManipulationCue],
+    scene: Option<&SceneIndex>,
     floor: f32,
     settings: &EditorSettings,
     progress: &Progress,
@@ -100,7 +103,8 @@ pub fn manipulate<D: Decoder>(
     let (motion, placed) = place(motion, cues, floor, settings)?;
     let constraints: Vec<Constraint> =
         placed.iter().flat_map(|&(first, cue)| constraints(&motion, first, cue)).collect();
-    let edited = edit_with(decoder, &motion, &constraints, floor, settings, progress)?;
+    let wishes = Wishes { constraints: &constraints, keys: &[], scene, floor };
+    let edited = resolve(decoder, &motion, &wishes, settings, progress)?;
     let cues = placed
         .iter()
         .map(|(first, cue)| ManipulationFigures {

@@ -51,7 +51,7 @@ pub fn plain_ik(
         joins: [false; 2],
         degrees: &degrees,
         terms: &terms,
-        touch: None,
+        surfaces: None,
         spread: 0.0,
     };
     let solved = correct(&solve, progress)?;

@@ -8,9 +8,11 @@ use serde::{Deserialize, Serialize};
 use super::constraint::{Constraint, check_constraints, joint_named};
 use super::edit::{Edit, Edited};
 use super::latent::{Decoder, mix};
+use super::touch::Surfaces;
 use crate::error::{Error, Result};
 use crate::motion::{Joint, Motion};
 use crate::progress::Progress;
+use crate::scene::SceneIndex;
 use crate::settings::EditorSettings;
 
 /// A bone that the artist keyed on a frame: its posture there is the motion's own.
@@ -22,23 +24,34 @@ pub struct Key {
     pub frame: usize,
 }
 
-/// Frames that an edit may change on either side of a key: `settings.blend_seconds`, as for a constraint.
+/// What an artist asks of a motion.
+#[derive(Clone, Copy)]
+pub struct Wishes<'a> {
+    pub constraints: &'a [Constraint],
+    pub keys: &'a [Key],
+    /// The scene that a seated body is kept out of.
+    pub scene: Option<&'a SceneIndex>,
+    /// World height of the floor, metres.
+    pub floor: f32,
+}
+
+/// The motion with what was wished for, by a given manifold or by the finishing pass alone.
 ///
-/// The keyed joints stay as they are on their frames (their own rotations and, for the root, its place, to the bit),
-/// `constraints` are met, and the frames around adapt; outside the touched span nothing changes.
+/// Keyed joints stay as they are on their frames (their own rotations to the bit, and the root's place), constraints are
+/// met, and the frames around adapt; outside the touched span nothing changes.
 ///
 /// # Errors
-/// As [`super::edit_motion`]; `Input` for a key on a bone that is none, or outside the motion.
+/// `Input` for contradictions, paths that jump, bones that are none and ranges outside the motion; `Unreachable`, by how
+/// much and which way; `Cancelled`.
 pub fn resolve<D: Decoder>(
     decoder: Option<&D>,
     motion: &Motion,
-    keys: &[Key],
-    constraints: &[Constraint],
-    floor: f32,
+    wishes: &Wishes,
     settings: &EditorSettings,
     progress: &Progress,
 ) -> Result<Edited> {
-    progress.stage("Checking the keys");
+    let Wishes { constraints, keys, scene, floor } = *wishes;
+    progress.stage("Checking the constraints");
     check_constraints(motion, constraints)?;
     let mut keyed: BTreeMap<usize, Vec<Joint>> = BTreeMap::new();
     for key in keys {
@@ -57,7 +70,7 @@ pub fn resolve<D: Decoder>(
         }
     }
     if keyed.is_empty() && constraints.is_empty() {
-        return Err(Error::input("There is nothing to re-solve: key or pin a bone first."));
+        return Err(Error::input("There is nothing to edit: key or pin a bone, or give a cue, first."));
     }
     // A keyed frame sticks out of the motion around it. The motion without the keys, and how far they are from it:
     let smooth = without_keys(motion, &keyed);
@@ -75,6 +88,8 @@ pub fn resolve<D: Decoder>(
     check_constraints(motion, &wanted)?;
     let mut edit = Edit::new(&smooth, &wanted, floor, settings);
     edit.exact = &exact;
+    edit.surfaces = scene.map(|scene| Surfaces { scene, floor });
+    edit.check_reach(constraints, progress)?;
     let mut edited = edit.run(decoder, progress)?;
     for (&frame, joints) in &keyed {
         if joints.contains(&Joint::Hips) {

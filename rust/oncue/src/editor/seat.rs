@@ -10,15 +10,16 @@ use serde::{Deserialize, Serialize};
 
 use super::constraint::Constraint;
 use super::edit::{Edit, EditFigures, Edited};
-use super::feet::{FootPlan, is_supported};
-use super::finish::{Span, Term, Touch, correct};
+use super::feet::FootPlan;
+use super::finish::{Span, correct};
 use super::latent::Decoder;
+use super::touch::Surfaces;
 use crate::cue::ActionCue;
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
 use crate::math::rotation::{to_angle_axis, wrap_angle, yaw};
 use crate::motion::skeleton::{ANKLE_HEIGHT, JOINT_OFFSET, LEG_LENGTH};
-use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
+use crate::motion::{FRAME_RATE, Joint, Motion, Pose};
 use crate::progress::Progress;
 use crate::scene::SceneIndex;
 use crate::settings::EditorSettings;
@@ -29,13 +30,6 @@ const FARTHEST: f32 = 0.45;
 const LONGEST_LEG: f32 = 0.985;
 /// A foot that stands this near its place is not moved, metres.
 const STANDS: f32 = 0.004;
-/// Half a thigh's thickness and half the trunk's depth, metres: those of the box nodes B.
-const THIGH: f32 = 0.05;
-const BACK: f32 = 0.08;
-/// σ of thighs in the seat and of the back in the backrest, metres.
-const TOUCH: f32 = 2e-3;
-/// A seat or a backrest that the body is deeper in than this is not looked for, metres.
-const DEEPEST: f32 = 0.12;
 /// Seconds of a seated step, and between the two feet's.
 const STEP_SECONDS: f32 = 0.6;
 const STEP_APART: f32 = 0.35;
@@ -100,7 +94,6 @@ impl Seat<'_> {
             let ankle = foot + Vec3::Z * ANKLE_HEIGHT;
             constraints.push(Constraint::positions(&name, Joint::FEET[side], last, vec![ankle]));
         }
-        let touch = |_: usize, pose: &Pose, out: &mut Vec<Term>| self.touch(pose, out);
         let mut edit = Edit::new(&motion, &constraints, self.floor, self.settings);
         // Feet that stand elsewhere do so from their last step on.
         let moved = (0..motion.len())
@@ -108,10 +101,8 @@ impl Seat<'_> {
         let lead = (self.settings.blend_seconds * FRAME_RATE) as usize / 2;
         edit.span.start = edit.span.start.min(moved.map_or(usize::MAX, |f| f.saturating_sub(lead)));
         edit.feet = plan;
-        if self.scene.is_some() {
-            edit.touch = Some(&touch as Touch);
-        }
-        edit.check_reach(progress)?;
+        edit.surfaces = self.surfaces();
+        edit.check_reach(&constraints, progress)?;
         let Edited { motion, figures } = edit.run(decoder, progress)?;
         let seat = self.figures(&motion, settled.hangs);
         Ok(SeatFit { motion, figures, seat })
@@ -174,21 +165,20 @@ impl Seat<'_> {
         }
         let postures = [motion.postures[last]];
         let terms = [edit.terms(last)];
-        let touch = |_: usize, pose: &Pose, out: &mut Vec<Term>| self.touch(pose, out);
         let degrees = edit.degrees();
         let span = Span {
             postures: &postures,
             joins: [false; 2],
             degrees: &degrees,
             terms: &terms,
-            touch: Some(&touch),
+            surfaces: self.surfaces(),
             spread: 0.0,
         };
         let pose = correct(&span, progress)?[0].pose();
         let hangs = [0, 1].map(|side| {
             let own = self.cue.feet[side].is_none();
             own && pose.position(LEGS[side][2]).distance(feet[side].ankle) > 0.01
-                || own && self.thigh_depth(&pose, side) > 0.015
+                || own && self.surfaces().is_some_and(|s| s.thigh_depth(&pose, side) > 0.015)
         });
         for side in 0..2 {
             if hangs[side] {
@@ -292,9 +282,10 @@ impl Seat<'_> {
             let share = if joint == LEGS[side][1] { 0.5 } else { 1.0 };
             moved.positions[joint.index()] += shift * share;
         }
+        // Shin and foot, in the order of the box nodes.
         let legs = |pose: &Pose| -> u32 {
-            scene.body_intersections(pose, above)[2 * side + 1]
-                + scene.body_intersections(pose, above)[8 + side]
+            let counts = scene.body_intersections(pose, above);
+            counts[2 * side + 1] + counts[8 + side]
         };
         legs(&moved) <= legs(&pose)
     }
@@ -312,57 +303,8 @@ impl Seat<'_> {
         }
     }
 
-    /// Thighs and back of a seated body against what carries them.
-    fn touch(&self, pose: &Pose, out: &mut Vec<Term>) {
-        let Some(scene) = self.scene else { return };
-        if !is_supported(pose, self.floor) {
-            return;
-        }
-        for leg in LEGS {
-            let joint = leg[0];
-            for along in UNDER_THIGH {
-                let offset = Vec3::new(0.0, THIGH, -along * LEG_LENGTH);
-                let point = pose.position(joint) + pose.rotation(joint) * offset;
-                if let Some(surface) = surface_under(scene, point) {
-                    out.push(Term::Plane { joint, offset, normal: Vec3::Z, least: surface, sigma: TOUCH });
-                }
-            }
-        }
-        let ahead = Posture { root_position: pose.positions[0], rotations: pose.rotations }
-            .planar()
-            .forward()
-            .extend(0.0);
-        for joint in BACK_JOINTS {
-            let offset = Vec3::new(0.0, BACK, 0.0);
-            if let Some(least) = backrest(scene, pose, joint, ahead) {
-                out.push(Term::Plane { joint, offset, normal: ahead, least, sigma: TOUCH });
-            }
-        }
-    }
-
-    /// How deep a thigh is in the seat, metres.
-    fn thigh_depth(&self, pose: &Pose, side: usize) -> f32 {
-        let (Some(scene), joint) = (self.scene, LEGS[side][0]) else { return 0.0 };
-        let depth = |along: f32| {
-            let offset = Vec3::new(0.0, THIGH, -along * LEG_LENGTH);
-            let point = pose.position(joint) + pose.rotation(joint) * offset;
-            surface_under(scene, point).map_or(0.0, |surface| surface - point.z)
-        };
-        UNDER_THIGH.into_iter().map(depth).fold(0.0, f32::max)
-    }
-
-    /// How deep the back is in the backrest, metres.
-    fn back_depth(&self, pose: &Pose) -> f32 {
-        let Some(scene) = self.scene else { return 0.0 };
-        let ahead = Posture { root_position: pose.positions[0], rotations: pose.rotations }
-            .planar()
-            .forward()
-            .extend(0.0);
-        let depth = |joint: Joint| {
-            let point = pose.position(joint) + pose.rotation(joint) * Vec3::new(0.0, BACK, 0.0);
-            backrest(scene, pose, joint, ahead).map_or(0.0, |least| least - ahead.dot(point))
-        };
-        BACK_JOINTS.into_iter().map(depth).fold(0.0, f32::max)
+    fn surfaces(&self) -> Option<Surfaces<'_>> {
+        self.scene.map(|scene| Surfaces { scene, floor: self.floor })
     }
 
     /// How the person sits in `motion`.
@@ -374,10 +316,11 @@ impl Seat<'_> {
             out.pelvis_cm = out.pelvis_cm.max(100.0 * posture.root_position.distance(self.cue.position));
             let facing = wrap_angle(posture.planar().yaw - self.cue.yaw).abs();
             out.facing_degrees = out.facing_degrees.max(facing.to_degrees());
-            for side in 0..2 {
-                out.thigh_cm = out.thigh_cm.max(100.0 * self.thigh_depth(&pose, side));
+            if let Some(surfaces) = self.surfaces() {
+                let thigh = surfaces.thigh_depth(&pose, 0).max(surfaces.thigh_depth(&pose, 1));
+                out.thigh_cm = out.thigh_cm.max(100.0 * thigh);
+                out.back_cm = out.back_cm.max(100.0 * surfaces.back_depth(&pose));
             }
-            out.back_cm = out.back_cm.max(100.0 * self.back_depth(&pose));
         }
         let pose = last.pose();
         for side in 0..2 {
@@ -391,22 +334,6 @@ impl Seat<'_> {
         }
         out
     }
-}
-
-/// Places along a thigh, as shares of its length, that the seat is looked for under.
-const UNDER_THIGH: [f32; 4] = [0.2, 0.45, 0.7, 0.9];
-const BACK_JOINTS: [Joint; 3] = [Joint::Spine1, Joint::Spine2, Joint::Neck];
-
-/// World z of the surface that a point under a thigh is in, or stands on.
-fn surface_under(scene: &SceneIndex, point: Vec3) -> Option<f32> {
-    let from = point + Vec3::Z * DEEPEST;
-    scene.ray(from, Vec3::NEG_Z, DEEPEST + 0.02).map(|t| from.z - t)
-}
-
-/// How far ahead (along `ahead`) the surface behind a joint of the back is.
-fn backrest(scene: &SceneIndex, pose: &Pose, joint: Joint, ahead: Vec3) -> Option<f32> {
-    let from = pose.position(joint) + ahead * 0.04;
-    scene.ray(from, -ahead, 0.04 + BACK + 0.02).map(|t| ahead.dot(from) - t)
 }
 
 struct Settled {

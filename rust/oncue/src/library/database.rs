@@ -61,6 +61,8 @@ pub struct FrameMatch {
 /// The database that S searches.
 #[derive(Debug, Clone)]
 pub struct MotionDatabase {
+    /// [`MotionLibrary::checksum`] of what it was built from.
+    pub library_checksum: String,
     pub frames: Vec<DatabaseFrame>,
     /// {p_j}, {ṗ_j}, θ_up, c of every frame.
     pub pose_features: Vec<PoseFeature>,
@@ -68,10 +70,6 @@ pub struct MotionDatabase {
     indices: [ActionIndex; 3],
     /// Frames of standing still, at which a motion may begin.
     pub idle_frames: Vec<u32>,
-    /// Frames of sitting still, for what follows a sit.
-    pub seated_frames: Vec<u32>,
-    /// Fastest planar root speed of its walking, 99th percentile, m/s.
-    pub top_speed: f32,
 }
 
 /// Sits and stops are entered at the latest this many frames before they complete…
@@ -97,27 +95,16 @@ impl MotionDatabase {
             frames.extend(f);
             pose_features.extend(p);
         }
-        let still = |label: ActionLabel, margin: u16| -> Vec<u32> {
-            let wanted = |f: &DatabaseFrame| f.label == label && f.remaining >= margin;
-            (0..frames.len() as u32).filter(|&f| wanted(&frames[f as usize])).collect()
-        };
-        let idle_frames = still(ActionLabel::Idle, 30);
-        let seated_frames = still(ActionLabel::SeatedIdle, 1);
-        let mut speeds: Vec<f32> = frames
-            .iter()
-            .filter(|f| f.label == ActionLabel::Walk)
-            .map(|f| f.step.position.length() * crate::motion::FRAME_RATE)
-            .collect();
-        speeds.sort_by(f32::total_cmp);
-        let top_speed = speeds.get(speeds.len() * 99 / 100).copied().unwrap_or(0.0);
+        let stands = |f: &DatabaseFrame| f.label == ActionLabel::Idle && f.remaining >= 30;
+        let idle_frames =
+            (0..frames.len() as u32).filter(|&f| stands(&frames[f as usize])).collect::<Vec<u32>>();
         let mut database = Self {
+            library_checksum: library.checksum(),
             frames,
             pose_features,
             weights: weights.clone(),
             indices: Default::default(),
             idle_frames,
-            seated_frames,
-            top_speed,
         };
         if database.idle_frames.is_empty() {
             return Err(Error::input(

@@ -127,6 +127,9 @@ pub const MIRROR: [usize; JOINT_COUNT] =
 /// Height of the root over the floor in the rest pose, metres.
 pub const REST_HIPS_HEIGHT: f32 = 0.993;
 
+/// Height of the pelvis joint over the seat that a person sits on, metres.
+pub const SEATED_HIPS_HEIGHT: f32 = 0.10;
+
 /// Length of a thigh and of a shin, metres.
 pub const LEG_LENGTH: f32 = 0.444;
 
@@ -166,7 +169,8 @@ pub const TOE_LENGTH: f32 = 0.07;
 pub const HEEL_LENGTH: f32 = 0.06;
 
 /// What a box node belongs to, for the weights w_b and the penetration figures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Limb {
     Leg,
     Arm,
@@ -183,6 +187,13 @@ pub struct BoxNode {
     /// In the joint's frame, metres.
     pub center: Vec3,
     pub half_extents: Vec3,
+}
+
+impl BoxNode {
+    /// Whether a seat carries it: pelvis and thighs.
+    pub fn is_carried(&self) -> bool {
+        matches!(self.joint, Hips | LeftUpLeg | RightUpLeg)
+    }
 }
 
 const fn node(limb: Limb, joint: Joint, center: [f32; 3], half: [f32; 3]) -> BoxNode {

@@ -3,6 +3,7 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::settings::SceneSettings;
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
@@ -45,6 +46,29 @@ pub fn corners(positions: &[Vec3], triangles: &[[u32; 3]], progress: &Progress) 
         return Err(Error::input(format!("All {} triangles of the scene have zero area.", triangles.len())));
     }
     Ok(out)
+}
+
+/// BLAKE3 of triangles and settings, hexadecimal. Chunks are hashed in parallel and their hashes in order.
+pub fn fingerprint(corners: &[[Vec3; 3]], settings: &SceneSettings) -> String {
+    let parts: Vec<[u8; 32]> = corners
+        .par_chunks(CHUNK)
+        .map(|chunk| {
+            let mut hasher = blake3::Hasher::new();
+            let mut bytes = Vec::with_capacity(chunk.len() * 36);
+            for v in chunk.iter().flatten().flat_map(|v| v.to_array()) {
+                bytes.extend_from_slice(&v.to_le_bytes());
+            }
+            hasher.update(&bytes);
+            *hasher.finalize().as_bytes()
+        })
+        .collect();
+    let mut hasher = blake3::Hasher::new();
+    parts.iter().for_each(|part| {
+        hasher.update(part);
+    });
+    // Numbers and flags always serialize.
+    hasher.update(&postcard::to_stdvec(settings).unwrap_or_default());
+    hasher.finalize().to_hex().to_string()
 }
 
 fn checked(positions: &[Vec3], triangle: &[u32; 3], number: usize) -> Result<[Vec3; 3]> {

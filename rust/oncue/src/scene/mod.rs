@@ -50,6 +50,9 @@ const LIMB_BOXES: [BoxNode; LIMB_BOX_COUNT] = {
     limbs
 };
 
+/// A seat gives way under a person, and scans of one are uneven, metres.
+const SEAT_GIVE: f32 = 0.03;
+
 thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
@@ -58,6 +61,7 @@ thread_local! {
 #[derive(Debug)]
 pub struct SceneIndex {
     settings: SceneSettings,
+    fingerprint: String,
     triangle_count: usize,
     bounds: (Vec3, Vec3),
     floor_height: f32,
@@ -82,6 +86,7 @@ impl SceneIndex {
         let first = corners[0][0];
         let bounds = corners.iter().flatten().fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v)));
         progress.fraction(0.1);
+        let fingerprint = mesh::fingerprint(&corners, settings);
         let tree = TriangleTree::build(&corners, progress)?;
         progress.fraction(0.7);
         let floor_height =
@@ -94,6 +99,7 @@ impl SceneIndex {
         progress.fraction(1.0);
         Ok(SceneIndex {
             settings: settings.clone(),
+            fingerprint,
             triangle_count: corners.len(),
             bounds,
             floor_height,
@@ -105,6 +111,11 @@ impl SceneIndex {
 
     pub fn settings(&self) -> &SceneSettings {
         &self.settings
+    }
+
+    /// BLAKE3 of the triangles and the settings, hexadecimal: changes when anything in the scene moves.
+    pub fn fingerprint(&self) -> &str {
+        &self.fingerprint
     }
 
     /// Triangles that have an area.
@@ -139,20 +150,32 @@ impl SceneIndex {
     /// ρ(b, W) for every node of [`BODY_BOXES`], in its order. Crossings lower than `above` (world z) are not
     /// counted: the floor and what lies on it.
     pub fn body_intersections(&self, pose: &Pose, above: f32) -> [u32; BODY_BOXES.len()] {
-        self.intersections(&BODY_BOXES, pose, above)
+        self.intersections(&BODY_BOXES, pose, |_| above)
+    }
+
+    /// As [`SceneIndex::body_intersections`] for someone who sits down or sits on a seat `seat` metres high (world z):
+    /// what carries pelvis and thighs, that is whatever lies no higher than the seat, is not counted for them.
+    pub fn seated_intersections(&self, pose: &Pose, above: f32, seat: f32) -> [u32; BODY_BOXES.len()] {
+        let over = seat + SEAT_GIVE;
+        self.intersections(&BODY_BOXES, pose, |node| if node.is_carried() { over.max(above) } else { above })
     }
 
     /// As [`SceneIndex::body_intersections`] for legs and arms alone: the B of r_coli (LAMA, eq. 4).
     pub fn limb_intersections(&self, pose: &Pose, above: f32) -> [u32; LIMB_BOX_COUNT] {
-        self.intersections(&LIMB_BOXES, pose, above)
+        self.intersections(&LIMB_BOXES, pose, |_| above)
     }
 
-    fn intersections<const N: usize>(&self, nodes: &[BoxNode; N], pose: &Pose, above: f32) -> [u32; N] {
+    fn intersections<const N: usize>(
+        &self,
+        nodes: &[BoxNode; N],
+        pose: &Pose,
+        above: impl Fn(&BoxNode) -> f32,
+    ) -> [u32; N] {
         SCRATCH.with_borrow_mut(|scratch| {
             nodes.each_ref().map(|node| {
                 let joint = node.joint.index();
                 let placed = OrientedBox::of_node(node, pose.positions[joint], pose.rotations[joint]);
-                self.count(&placed, above, scratch)
+                self.count(&placed, above(node), scratch)
             })
         })
     }

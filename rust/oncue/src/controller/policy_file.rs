@@ -1,0 +1,216 @@
+//! Policies that are kept: for the scene and library they were optimized in, or shipped as a prior for any.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use half::f16;
+use serde::{Deserialize, Serialize};
+
+use super::policy::{Normalizer, Policy};
+use crate::cue::ActionCue;
+use crate::data_file::{FileKind, write_whole};
+use crate::error::Result;
+use crate::nn::Mlp;
+use crate::settings::{Settings, SignalSettings, StateSettings};
+
+const FILE: FileKind = FileKind {
+    magic: b"ONCUEPOL",
+    version: 1,
+    name: "policy",
+    remedy: "delete it, and Oncue optimizes a new one",
+};
+
+/// What a policy was optimized for.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct PolicyOrigin {
+    /// [`crate::SceneIndex::fingerprint`]; empty for a policy that was optimized over many scenes.
+    pub scene: String,
+    /// Checksum of the motion library.
+    pub library: String,
+    /// The cues that it served, newest last.
+    pub cues: Vec<ActionCue>,
+    /// Starts and cues varied from episode to episode (LAMA, section 3.5).
+    pub generalized: bool,
+    /// Updates and decisions that went into it, those of the policy it began with included.
+    pub updates: usize,
+    pub environment_steps: usize,
+    /// Share of the last update's episodes that met their cue.
+    pub success_rate: f32,
+}
+
+/// A policy with what its numbers mean and what it was made for.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KeptPolicy {
+    pub policy: Policy,
+    pub state: StateSettings,
+    pub signal: SignalSettings,
+    pub origin: PolicyOrigin,
+}
+
+/// As stored: weights in half precision, which moves a mean by less than a thousandth of its spread.
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    policy: StoredMlp,
+    value: StoredMlp,
+    log_std: Vec<f32>,
+    normalizer: Normalizer,
+    state: StateSettings,
+    signal: SignalSettings,
+    origin: PolicyOrigin,
+}
+
+#[derive(Serialize, Deserialize)]
+struct StoredMlp {
+    sizes: Vec<usize>,
+    parameters: Vec<u16>,
+}
+
+impl StoredMlp {
+    fn of(net: &Mlp) -> Self {
+        let parameters = net.parameters.iter().map(|p| f16::from_f32(*p).to_bits()).collect();
+        Self { sizes: net.sizes.clone(), parameters }
+    }
+
+    fn net(&self) -> Mlp {
+        let parameters = self.parameters.iter().map(|p| f16::from_bits(*p).to_f32()).collect();
+        Mlp { sizes: self.sizes.clone(), parameters }
+    }
+}
+
+impl KeptPolicy {
+    pub fn new(policy: Policy, settings: &Settings, origin: PolicyOrigin) -> Self {
+        Self { policy, state: settings.state.clone(), signal: settings.signal.clone(), origin }
+    }
+
+    /// The policy that ships with Oncue, optimized over many rooms made by rule
+    /// (`examples/prior.rs` makes it). `None` where the file that was built in is damaged.
+    pub fn prior() -> Option<&'static KeptPolicy> {
+        static PRIOR: OnceLock<Option<KeptPolicy>> = OnceLock::new();
+        PRIOR
+            .get_or_init(|| {
+                Self::from_bytes(include_bytes!("../../data/prior.oncuepolicy"), Path::new("prior")).ok()
+            })
+            .as_ref()
+    }
+
+    /// Whether its states and signals are those of `settings`, so that it can be played with them.
+    pub fn fits(&self, settings: &Settings) -> bool {
+        self.state == settings.state && self.signal == settings.signal
+    }
+
+    /// Whether it was optimized in this scene with this library.
+    pub fn belongs_to(&self, scene: &str, library: &str) -> bool {
+        self.origin.scene == scene && self.origin.library == library
+    }
+
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let stored = Stored {
+            policy: StoredMlp::of(&self.policy.policy),
+            value: StoredMlp::of(&self.policy.value),
+            log_std: self.policy.log_std.clone(),
+            normalizer: self.policy.normalizer.clone(),
+            state: self.state.clone(),
+            signal: self.signal.clone(),
+            origin: self.origin.clone(),
+        };
+        // Plain structs of numbers and strings always serialize.
+        let payload = postcard::to_stdvec(&stored).unwrap_or_default();
+        let header = format!(
+            "Oncue policy, made by oncue {} in {} updates ({} decisions) of PPO over motion matching; {}.",
+            env!("CARGO_PKG_VERSION"),
+            self.origin.updates,
+            self.origin.environment_steps,
+            if self.origin.scene.is_empty() {
+                "the prior of `cargo run --release --example prior`, from rooms made by rule and the starter library"
+            } else {
+                "for one scene and motion library"
+            }
+        );
+        FILE.pack(&header, &payload)
+    }
+
+    /// Reads the bytes of a policy file; `file` is for the error.
+    ///
+    /// # Errors
+    /// `DataFile` where the bytes are foreign, too new, cut off or damaged.
+    pub fn from_bytes(bytes: &[u8], file: &Path) -> Result<Self> {
+        let payload = FILE.unpack(bytes, file)?;
+        let stored: Stored = postcard::from_bytes(payload).map_err(|_| FILE.damaged(file))?;
+        let kept = Self {
+            policy: Policy {
+                policy: stored.policy.net(),
+                value: stored.value.net(),
+                log_std: stored.log_std,
+                normalizer: stored.normalizer,
+            },
+            state: stored.state,
+            signal: stored.signal,
+            origin: stored.origin,
+        };
+        let sizes = (super::state::state_size(&kept.state), kept.signal.vector_size());
+        if kept.policy.is_consistent(sizes.0, sizes.1) { Ok(kept) } else { Err(FILE.damaged(file)) }
+    }
+
+    /// # Errors
+    /// [`crate::Error::Io`] where the system refuses the file, and those of [`KeptPolicy::from_bytes`].
+    pub fn read(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|e| crate::Error::io(path, e))?;
+        Self::from_bytes(&bytes, path)
+    }
+
+    /// # Errors
+    /// Those of [`write_whole`].
+    pub fn write(&self, path: &Path) -> Result<()> {
+        write_whole(path, &self.to_bytes())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64;
+
+    fn kept() -> KeptPolicy {
+        let settings = Settings::default();
+        let size = super::super::state::state_size(&settings.state);
+        let mut policy = Policy::new(size, &settings, &mut Pcg64::seed_from_u64(1));
+        policy.normalizer.update(&vec![0.5; size]);
+        KeptPolicy::new(policy, &settings, PolicyOrigin { scene: "a".into(), ..PolicyOrigin::default() })
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let kept = kept();
+        let back = KeptPolicy::from_bytes(&kept.to_bytes(), Path::new("p")).unwrap();
+        // Half precision the second time round is exact.
+        assert_eq!(KeptPolicy::from_bytes(&back.to_bytes(), Path::new("p")).unwrap(), back);
+        let furthest = kept.policy.policy.parameters.iter().zip(&back.policy.policy.parameters);
+        assert!(furthest.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 1e-3);
+        assert_eq!((&back.origin, &back.policy.normalizer), (&kept.origin, &kept.policy.normalizer));
+        assert!(
+            back.state == Settings::default().state && kept.belongs_to("a", "") && !kept.belongs_to("b", "")
+        );
+        assert!(!kept.fits(&Settings::preset("paper").unwrap()));
+    }
+
+    #[test]
+    fn damage_is_refused() {
+        let sentence = |bytes: &[u8]| KeptPolicy::from_bytes(bytes, Path::new("p")).unwrap_err().to_string();
+        let bytes = kept().to_bytes();
+        assert!(sentence(b"").contains("not an Oncue policy"));
+        assert!(sentence(&bytes[..bytes.len() - 7]).contains("damaged"));
+        let mut wrong = kept();
+        wrong.policy.log_std.pop();
+        assert!(sentence(&wrong.to_bytes()).contains("damaged"));
+        let mut wrong = kept();
+        wrong.policy.policy.parameters[3] = f32::NAN;
+        assert!(sentence(&wrong.to_bytes()).contains("damaged"));
+    }
+
+    #[test]
+    fn the_prior_is_sound_and_fits_the_default() {
+        let prior = KeptPolicy::prior().expect("the prior that is built in");
+        assert!(prior.fits(&Settings::default()) && prior.origin.generalized);
+    }
+}

@@ -1,0 +1,119 @@
+//! From how many starts a policy meets a cue, without further optimization (LAMA, section 4.4 and its supplementary).
+
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::f32::consts::PI;
+
+use super::episode::{Environment, EpisodeEnd};
+use super::kept::play_once;
+use super::policy::Policy;
+use crate::cue::{InitialState, Task};
+use crate::error::Result;
+use crate::math::Planar;
+use crate::progress::Progress;
+use crate::scene::check_task;
+
+/// How the starts are laid out and judged.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RobustnessSettings {
+    /// Grid of the starts, metres.
+    pub spacing: f32,
+    /// Trials from each start, each facing anywhere (the paper: 5).
+    pub trials: usize,
+    /// A start counts when so many of them meet the cue (the paper: 2).
+    pub needed: usize,
+    /// Spread of the actions round the policy's mean, 1: as it was optimized.
+    pub spread: f32,
+}
+
+impl Default for RobustnessSettings {
+    fn default() -> Self {
+        Self { spacing: 0.25, trials: 5, needed: 2, spread: 1.0 }
+    }
+}
+
+/// What became of one start.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StartFigures {
+    /// World, metres.
+    pub place: [f32; 2],
+    /// Trials that met the cue.
+    pub met: usize,
+    /// Trials that ended in a collision, and that found no way to finish.
+    pub collisions: usize,
+    pub stalls: usize,
+}
+
+/// The robustness test of one policy and cue.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Robustness {
+    pub starts: Vec<StartFigures>,
+    /// Share of the starts that count.
+    pub ratio: f32,
+}
+
+/// Plays the policy from every valid start of the scene: a grid over the floor, without the places that are occupied
+/// or from which the cue cannot be reached at all.
+///
+/// # Errors
+/// `Cancelled`.
+pub fn robustness(
+    environment: &Environment,
+    policy: &Policy,
+    settings: &RobustnessSettings,
+    seed: u64,
+    progress: &Progress,
+) -> Result<Robustness> {
+    let valid = valid_starts(environment, settings.spacing);
+    let map = policy.normalizer.map();
+    let starts = valid
+        .par_iter()
+        .enumerate()
+        .map(|(i, start)| {
+            let mut figures = StartFigures {
+                place: start.position.truncate().to_array(),
+                met: 0,
+                collisions: 0,
+                stalls: 0,
+            };
+            for trial in 0..settings.trials as u64 {
+                progress.check()?;
+                let mut rng = Pcg64::seed_from_u64(seed ^ ((i as u64) << 20) ^ (trial << 8));
+                let planar = Planar::new(start.position.truncate(), rng.random_range(-PI..PI));
+                let (end, tally) = play_once(environment, policy, &map, planar, settings.spread, &mut rng);
+                figures.met += usize::from(environment.succeeded(end, &tally));
+                figures.collisions += usize::from(end == EpisodeEnd::Collision);
+                figures.stalls += usize::from(matches!(end, EpisodeEnd::Stall | EpisodeEnd::TooLong));
+            }
+            Ok(figures)
+        })
+        .collect::<Result<Vec<_>>>()?;
+    let count = starts.iter().filter(|s| s.met >= settings.needed).count();
+    let ratio = count as f32 / starts.len().max(1) as f32;
+    Ok(Robustness { starts, ratio })
+}
+
+/// Places on a grid where a person can stand and from which the task can be done.
+pub fn valid_starts(environment: &Environment, spacing: f32) -> Vec<InitialState> {
+    let (low, high) = environment.scene.bounds();
+    let floor = environment.scene.floor_height();
+    let counts = ((high - low).truncate() / spacing).floor().as_usizevec2();
+    let mut valid = Vec::new();
+    for row in 0..counts.y {
+        for column in 0..counts.x {
+            let xy = low.truncate() + glam::Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * spacing;
+            if !environment.scene.occupancy().is_walkable(xy) {
+                continue;
+            }
+            let start = InitialState { name: "Start".into(), position: xy.extend(floor), yaw: 0.0 };
+            let task = Task { start, ..environment.task.clone() };
+            if check_task(environment.scene, &task).is_ok() {
+                valid.push(task.start);
+            }
+        }
+    }
+    valid
+}
