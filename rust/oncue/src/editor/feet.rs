@@ -130,7 +130,7 @@ impl FootPlan {
                 (toe_joint, tip, foot.toe + foot.toe_turn * tip),
             ] {
                 let least = floor.min(place.z);
-                out.push(Term::Plane { joint, offset, normal: Vec3::Z, least, sigma: 2e-3 });
+                out.push(Term::Plane { joint, offset, normal: Vec3::Z, least, sigma: 5e-4 });
             }
         }
     }

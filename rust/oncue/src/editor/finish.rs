@@ -454,6 +454,7 @@ mod tests {
                 posture.rotations[joint.index()] = Quat::from_rotation_x(bend);
             }
             posture.rotations[Joint::RightForeArm.index()] = Quat::from_rotation_z(0.8);
+            posture.rotations[Joint::LeftForeArm.index()] = Quat::from_rotation_z(-0.8);
             let postures = [posture; 3];
             let degrees = Degrees::for_joints(&[Joint::RightHand], &[]);
             let hand = Joint::RightHand;
