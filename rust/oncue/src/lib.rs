@@ -14,6 +14,7 @@
 
 pub mod controller;
 pub mod cue;
+mod data_file;
 pub mod editor;
 pub mod error;
 pub mod job;

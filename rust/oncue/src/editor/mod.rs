@@ -7,8 +7,12 @@
 //! [`window`] lays a motion out as X, [`kinematics`] places its joints and carries gradients back,
 //! [`manifold`] is the autoencoder, [`training`] makes one from a motion library.
 
+mod augment;
+mod checkpoint;
 pub mod kinematics;
 pub mod manifold;
+pub mod training;
 pub mod window;
 
 pub use manifold::{DecoderWorkspace, Manifold};
+pub use training::{Figures, ManifoldSettings, TrainingReport, train_manifold};

@@ -1,30 +1,23 @@
-//! The library file: a magic word, a version, a checksum, and the clips.
-//!
-//! ```text
-//! "ONCUELIB"  8 bytes
-//! version     u32, little-endian
-//! header size u32, little-endian; the header is one line of text that says what made the file
-//! header      UTF-8
-//! checksum    32 bytes, BLAKE3 of the payload
-//! payload     postcard
-//! ```
+//! The library file: the clips, as postcard, in the envelope of [`crate::data_file`].
 //!
 //! Numbers are kept as they are (f32), so a library read back is the library written, bit for bit, and gives
 //! the same motion. Mirrored clips that are exactly the mirror of the clip before them are not stored again.
 
-use std::io::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::build::seconds;
 use super::clip::{ActionLabel, Clip, MotionLibrary, Source};
-use crate::error::{Error, Result};
+use crate::data_file::{self, Format};
+use crate::error::Result;
 
-const MAGIC: &[u8; 8] = b"ONCUELIB";
-const VERSION: u32 = 1;
-/// Longer headers are damage.
-const MAX_HEADER: usize = 1 << 16;
+const FORMAT: Format = Format {
+    magic: b"ONCUELIB",
+    version: 1,
+    what: "an Oncue motion library",
+    remedy: "build the library again",
+};
 
 #[derive(Serialize)]
 enum StoredRef<'a> {
@@ -85,14 +78,7 @@ impl MotionLibrary {
             "Oncue motion library, made by oncue {} from {mocap} motion capture clips and {procedural} procedural clips.",
             env!("CARGO_PKG_VERSION")
         );
-        let mut bytes = Vec::with_capacity(payload.len() + header.len() + 48);
-        bytes.extend_from_slice(MAGIC);
-        bytes.extend_from_slice(&VERSION.to_le_bytes());
-        bytes.extend_from_slice(&(header.len() as u32).to_le_bytes());
-        bytes.extend_from_slice(header.as_bytes());
-        bytes.extend_from_slice(blake3::hash(&payload).as_bytes());
-        bytes.extend_from_slice(&payload);
-        bytes
+        FORMAT.seal(&header, &payload)
     }
 
     /// Reads the bytes of a library file; `file` is for the error.
@@ -100,24 +86,8 @@ impl MotionLibrary {
     /// # Errors
     /// [`Error::DataFile`] where the bytes are foreign, too new, cut off or damaged.
     pub fn from_bytes(bytes: &[u8], file: &Path) -> Result<Self> {
-        let refuse = |reason: &str| Error::DataFile { file: file.into(), reason: reason.into() };
-        let damaged = || refuse("it is damaged or cut off; build the library again.");
-        let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| refuse("it is not an Oncue motion library."))?;
-        let (version, rest) = split_u32(rest).ok_or_else(damaged)?;
-        if version > VERSION {
-            return Err(refuse(&format!(
-                "it was made by a newer Oncue (format {version}, this one reads up to {VERSION}); update Oncue."
-            )));
-        }
-        let (header, rest) = split_u32(rest).ok_or_else(damaged)?;
-        let header = header as usize;
-        if version == 0 || header > MAX_HEADER || rest.len() < header + 32 {
-            return Err(damaged());
-        }
-        let (checksum, payload) = rest[header..].split_at(32);
-        if blake3::hash(payload).as_bytes() != checksum {
-            return Err(damaged());
-        }
+        let payload = FORMAT.open(bytes, file)?;
+        let damaged = || FORMAT.damaged(file);
         let stored: Vec<Stored> = postcard::from_bytes(payload).map_err(|_| damaged())?;
         let mut clips: Vec<Clip> = Vec::with_capacity(stored.len());
         for stored in stored {
@@ -137,8 +107,7 @@ impl MotionLibrary {
     /// # Errors
     /// [`Error::Io`] where the system refuses the file, and those of [`MotionLibrary::from_bytes`].
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-        Self::from_bytes(&bytes, path)
+        Self::from_bytes(&data_file::read(path)?, path)
     }
 
     /// Writes the library file beside its place and renames it, so that no reader sees half of it.
@@ -146,17 +115,7 @@ impl MotionLibrary {
     /// # Errors
     /// [`Error::Io`] where the system refuses it; an earlier file is then as it was.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let io = |e| Error::io(path, e);
-        let mut name = path.file_name().unwrap_or_default().to_os_string();
-        name.push(format!(".{}.part", std::process::id()));
-        let part = path.with_file_name(name);
-        let written = std::fs::File::create(&part)
-            .and_then(|mut file| file.write_all(&self.to_bytes()).and_then(|()| file.sync_all()))
-            .and_then(|()| std::fs::rename(&part, path));
-        written.map_err(|e| {
-            let _ = std::fs::remove_file(&part);
-            io(e)
-        })
+        data_file::write(path, &self.to_bytes())
     }
 
     /// Adds another library's clips after this one's.
@@ -209,14 +168,10 @@ fn is_sound(clip: &Clip) -> bool {
         })
 }
 
-fn split_u32(bytes: &[u8]) -> Option<(u32, &[u8])> {
-    let (number, rest) = bytes.split_first_chunk::<4>()?;
-    Some((u32::from_le_bytes(*number), rest))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Error;
     use crate::library::Segment;
     use crate::motion::{Motion, Posture};
     use glam::Quat;

@@ -1,6 +1,7 @@
 //! Layers of temporal convolutions, all in one direction, with a leaky ReLU between them.
 
 use rand::Rng;
+use serde::{Deserialize, Serialize};
 
 use super::conv1d::{Conv1d, Direction, Shape, merge, split};
 
@@ -9,7 +10,7 @@ use super::conv1d::{Conv1d, Direction, Shape, merge, split};
 pub const LEAK: f32 = 0.2;
 
 /// y = L_n(… act(L_1(x)) …), each layer halving (or doubling) the number of frames.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ConvStack {
     pub layers: Vec<Conv1d>,
 }
