@@ -7,6 +7,7 @@ quaternions w first; a character at rest faces -Y, and `yaw` (radians) turns it 
 from ._native import (
     Job,
     Library,
+    Manifold,
     SceneIndex,
     Synthesis,
     __version__,
@@ -17,12 +18,15 @@ from ._native import (
     presets,
     skeleton,
     synthesize,
+    train_manifold,
 )
 from .errors import Cancelled, DataFileError, InputError, OncueError
 from .types import (
     ActionCue,
     BoxNode,
     InitialState,
+    ManifoldErrors,
+    ManifoldFigures,
     Point,
     ProgressSnapshot,
     Report,
@@ -42,6 +46,9 @@ __all__ = [
     "InputError",
     "Job",
     "Library",
+    "Manifold",
+    "ManifoldErrors",
+    "ManifoldFigures",
     "OncueError",
     "Point",
     "ProgressSnapshot",
@@ -61,4 +68,5 @@ __all__ = [
     "presets",
     "skeleton",
     "synthesize",
+    "train_manifold",
 ]

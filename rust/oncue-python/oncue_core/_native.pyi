@@ -8,11 +8,12 @@ from typing import Any, Generic, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
-from .types import Point, ProgressSnapshot, Report, Settings, Skeleton, Summary, Task
+from .types import ManifoldFigures, Point, ProgressSnapshot, Report, Settings, Skeleton, Summary, Task
 
 __all__ = [
     "Job",
     "Library",
+    "Manifold",
     "SceneIndex",
     "Synthesis",
     "__version__",
@@ -23,6 +24,7 @@ __all__ = [
     "presets",
     "skeleton",
     "synthesize",
+    "train_manifold",
 ]
 
 __version__: str
@@ -82,6 +84,37 @@ def build_library(
     capture has, or "none"), `mapping` (a JSON file naming the joints, or None).
     From the job: OSError for a path that is not there, InputError for a folder without .bvh files or where no file
     could be used.
+    """
+
+@final
+class Manifold:
+    """Ψ and Ψ⁻¹: the autoencoder that motions are edited in (LAMA, section 3.6). Immutable."""
+
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> Manifold:
+        """Reads a manifold's file. OSError, and DataFileError for one that is foreign, too new, damaged or of another
+        skeleton."""
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the manifold's file; an earlier one stays as it was until the new one is whole. OSError."""
+    @property
+    def channels(self) -> int:
+        """Channels of each layer's output; the latent vector of 120 frames has 15 times as many numbers."""
+    @property
+    def figures(self) -> ManifoldFigures:
+        """How it was trained, and its errors on clips that it was not trained on."""
+
+def train_manifold(
+    library: Library,
+    settings: Settings | None = None,
+    seed: int = 0,
+    checkpoint: str | os.PathLike[str] | None = None,
+) -> Job[Manifold]:
+    """Trains a manifold on a library's clips; the same seed gives the same manifold on any number of cores.
+
+    Settings: `channels`, `epochs`, `batch` and the others of `figures["settings"]`; what is left out keeps its default.
+    With a `checkpoint` the training is written to that file after every epoch, and goes on from there when it is called
+    again. InputError for unknown settings at once; from the job for settings out of range and for a library of fewer
+    than three clips that are long enough, DataFileError for the checkpoint of another training, OSError.
     """
 
 @final

@@ -83,8 +83,9 @@ impl Manifold {
         let c = channels;
         Self {
             channels,
-            encoder: ConvStack::new(Direction::Down, &[FEATURES, c, c, c], &mut rng),
-            decoder: ConvStack::new(Direction::Up, &[c, c, c, FEATURES], &mut rng),
+            encoder: ConvStack::new(Direction::Down, &[FEATURES, c, c, c], 1.0, &mut rng),
+            // Begins near the mean posture, which is one; random 6D numbers are none.
+            decoder: ConvStack::new(Direction::Up, &[c, c, c, FEATURES], 0.01, &mut rng),
             normalization: Normalization::default(),
             report: TrainingReport::default(),
         }
@@ -106,6 +107,11 @@ impl Manifold {
 
     pub fn channels(&self) -> usize {
         self.channels
+    }
+
+    /// Ψ⁻¹'s layers, from z to X.
+    pub fn decoder_layers(&self) -> &[Conv1d] {
+        &self.decoder.layers
     }
 
     /// Numbers of one window's z: [`LATENT_FRAMES`] × channels.
@@ -361,5 +367,48 @@ mod tests {
             let analytic = f64::from(d_z[i]);
             assert!((numeric - analytic).abs() < 2e-2 * (1.0 + analytic.abs()), "{i}: {numeric} {analytic}");
         }
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let mut manifold = manifold();
+        manifold.round();
+        manifold.report.settings.origin = "From nothing.".into();
+        let path = std::env::temp_dir().join(format!("oncue-manifold-{}", std::process::id()));
+        manifold.write(&path).unwrap();
+        let back = Manifold::read(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(back, manifold);
+        let bytes = manifold.to_bytes();
+        assert!(String::from_utf8_lossy(&bytes[16..200]).contains("From nothing."));
+        assert!(matches!(manifold.write(Path::new("/nowhere/at/all")), Err(Error::Io { .. })));
+    }
+
+    #[test]
+    fn damage_and_other_skeletons_are_refused() {
+        let manifold = manifold();
+        let bytes = manifold.to_bytes();
+        let sentence = |bytes: &[u8]| Manifold::from_bytes(bytes, Path::new("x")).unwrap_err().to_string();
+        assert!(sentence(b"").contains("not an Oncue motion manifold"));
+        for cut in [9, 40, bytes.len() / 2, bytes.len() - 2] {
+            assert!(sentence(&bytes[..cut]).contains("damaged"), "{cut}");
+        }
+        let mut flipped = bytes.clone();
+        let middle = flipped.len() / 2;
+        flipped[middle] ^= 4;
+        assert!(sentence(&flipped).contains("damaged"));
+        // A payload that is well formed: of another skeleton, or full of nonsense.
+        let header = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+        let payload = &bytes[16 + header + 32..];
+        let mut other = payload.to_vec();
+        other[0] ^= 1;
+        assert!(sentence(&FORMAT.seal("", &other)).contains("another skeleton"));
+        assert!(sentence(&FORMAT.seal("", &payload[..payload.len() - 2])).contains("damaged"));
+        let mut nonsense = manifold.clone();
+        nonsense.decoder.layers[1].parameters[7] = f32::NAN;
+        assert!(sentence(&nonsense.to_bytes()).contains("damaged"));
+        let mut nonsense = manifold;
+        nonsense.normalization.std[3] = 0.0;
+        assert!(sentence(&nonsense.to_bytes()).contains("damaged"));
     }
 }

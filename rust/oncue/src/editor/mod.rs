@@ -10,6 +10,7 @@
 mod augment;
 mod checkpoint;
 pub mod kinematics;
+mod linear_start;
 pub mod manifold;
 pub mod training;
 pub mod window;

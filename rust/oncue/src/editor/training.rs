@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Windows of 120 frames every 10 frames of every clip. Clips, not windows, are divided into training, validation
-//! and test, a clip and its mirror image together, by a hash of the name: the same clip is always in the same part.
+//! and test, a clip and its mirror image together, by the hashes of their names: a library is always divided alike.
 //! Clips shorter than a window are held at their last frame, those under a third of a window are left out.
 //!
 //! Every batch is a fixed number of chunks whose gradients are added in order: one seed gives one manifold on
@@ -23,10 +23,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::augment::augment;
-use super::checkpoint;
 use super::kinematics::{Kinematics, RootPath};
 use super::manifold::{LATENT_FRAMES, LAYERS, Manifold, Normalization};
 use super::window::{CONTACTS, FEATURES, HEIGHT, ROTATIONS, WINDOW, from_motion, rotation};
+use super::{checkpoint, linear_start};
 use crate::error::{Error, Result};
 use crate::library::{Clip, MotionLibrary, Source};
 use crate::math::Planar;
@@ -40,6 +40,10 @@ use crate::progress::Progress;
 const CHUNK: usize = 16;
 /// Fewer frames than this show too little.
 const SHORTEST_CLIP: usize = WINDOW / 3;
+/// At most so many windows show where training begins.
+const START_WINDOWS: usize = 3000;
+/// Steps over which Adam's rate rises.
+const WARM_UP: u64 = 200;
 /// L_pos counts in decimetres: an error of 1 dm weighs as one standard deviation of a feature does.
 const POSITION_UNIT: f32 = 0.1;
 /// Standard deviations are not taken for less than this: a joint that never moves has no scale of its own.
@@ -49,7 +53,7 @@ const LEAST_STD: [f32; 3] = [0.05, 0.01, 0.002];
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ManifoldSettings {
-    /// Channels of each layer's output (paper: 256; ours give the same held-out error in a file of half the size).
+    /// Channels of each layer's output (paper: 256; half of them give joints within a centimetre).
     pub channels: usize,
     /// Passes over the training windows (released: 250).
     pub epochs: u32,
@@ -77,6 +81,10 @@ pub struct ManifoldSettings {
     pub rotation_weight: f32,
     /// w_p (released: 1.3).
     pub position_weight: f32,
+    /// What of w_p the joints' places along the given-back path have, after the early epochs, beside their places
+    /// about the root (paper: all of it, in place of those). A step's error moves every later frame, so that the
+    /// whole weight would drown the postures.
+    pub path_share: f32,
     /// Share of the clips that only measure the finished manifold (paper: 0.18 of the windows).
     pub test_share: f32,
     /// Share of the clips that the curve is measured on (paper: 0.085 of the windows).
@@ -88,12 +96,12 @@ pub struct ManifoldSettings {
 impl Default for ManifoldSettings {
     fn default() -> Self {
         Self {
-            channels: 176,
-            epochs: 60,
-            centred: 0.4,
+            channels: 128,
+            epochs: 30,
+            centred: 0.5,
             batch: 32,
-            learning_rate: 5e-4,
-            final_learning_rate: 1e-5,
+            learning_rate: 1e-4,
+            final_learning_rate: 1e-6,
             noise: 0.01,
             augmented: 0.5,
             mocap_repeats: 2,
@@ -102,6 +110,7 @@ impl Default for ManifoldSettings {
             root_weight: 1.0,
             rotation_weight: 1.0,
             position_weight: 1.3,
+            path_share: 0.01,
             test_share: 0.1,
             validation_share: 0.05,
             origin: String::new(),
@@ -120,12 +129,13 @@ impl ManifoldSettings {
             self.root_weight,
             self.rotation_weight,
             self.position_weight,
+            self.path_share,
         ];
         let sentence = if !(1..=1024).contains(&self.channels) {
             format!("The manifold's channels are 1 to 1024, not {}.", self.channels)
         } else if self.epochs == 0 || self.stride == 0 || self.mocap_repeats == 0 {
             "The manifold's epochs, stride and mocap_repeats are at least 1.".to_owned()
-        } else if self.batch == 0 || self.batch % CHUNK != 0 {
+        } else if self.batch == 0 || !self.batch.is_multiple_of(CHUNK) {
             format!("The manifold's batch is a multiple of {CHUNK}, not {}.", self.batch)
         } else if shares.iter().any(|s| !(0.0..=1.0).contains(s))
             || self.test_share + self.validation_share > 0.9
@@ -349,6 +359,11 @@ impl<'a> Training<'a> {
         };
         let mut manifold = Manifold::random(settings.channels, seed);
         manifold.normalization = normalization(&windows.training, settings, seed, progress)?;
+        let seen = windows.training.len().div_ceil(START_WINDOWS);
+        let drawn = (0..windows.training.len()).step_by(seen).map(|member| {
+            draw(&windows.training, member, settings, generator(seed, u32::MAX, member as u32))
+        });
+        linear_start::begin(&mut manifold, &drawn.collect::<Vec<_>>(), settings, progress)?;
         let layers = manifold.encoder.layers.iter().chain(&manifold.decoder.layers);
         let adam = layers.map(|l| Adam::new(settings.learning_rate, l.parameters.len())).collect();
         let report = TrainingReport {
@@ -379,7 +394,7 @@ impl<'a> Training<'a> {
         let batches = order.len().div_ceil(settings.batch);
         let steps = batches as u64 * u64::from(settings.epochs);
         let centred = (epoch as f32) < settings.centred * settings.epochs as f32;
-        let path = if centred { RootPath::Centred } else { RootPath::From(Planar::default()) };
+        let path_share = if centred { 0.0 } else { settings.path_share };
         let mut loss = 0.0;
         for batch in 0..batches {
             // The last batch is filled up from the beginning.
@@ -393,7 +408,7 @@ impl<'a> Training<'a> {
                 }
                 chunk.gradient(
                     manifold,
-                    path,
+                    path_share,
                     &settings,
                     generator(seed, epoch, u32::MAX - 1 - members[0] as u32),
                     progress,
@@ -464,9 +479,9 @@ fn draw(all: &[Window], member: usize, settings: &ManifoldSettings, mut rng: Pcg
     from_motion(&motion).0
 }
 
-/// Warm-up over the first hundredth, then a cosine down to the final rate.
+/// Warm-up, then a cosine down to the final rate.
 fn rate(settings: &ManifoldSettings, step: u64, steps: u64) -> f32 {
-    let warm_up = (steps / 100).max(1);
+    let warm_up = WARM_UP.min(steps / 10).max(1);
     let (high, low) = (settings.learning_rate, settings.final_learning_rate);
     if step < warm_up {
         return high * (step + 1) as f32 / warm_up as f32;
@@ -521,7 +536,7 @@ impl Chunk {
     fn gradient(
         &mut self,
         manifold: &Manifold,
-        path: RootPath,
+        path_share: f32,
         settings: &ManifoldSettings,
         mut rng: Pcg32,
         progress: &Progress,
@@ -551,7 +566,7 @@ impl Chunk {
                 &self.x[range.clone()],
                 &self.given_back[range.clone()],
                 &manifold.normalization,
-                path,
+                path_share,
                 settings,
                 (&mut self.wanted, &mut self.found),
                 &mut self.d_x[range],
@@ -576,7 +591,7 @@ fn reconstruction_loss(
     wanted: &[f32],
     found: &[f32],
     normalization: &Normalization,
-    path: RootPath,
+    path_share: f32,
     settings: &ManifoldSettings,
     buffers: (&mut Kinematics, &mut Kinematics),
     d_found: &mut [f32],
@@ -601,22 +616,28 @@ fn reconstruction_loss(
         loss += f64::from(sum);
     }
     let (there, here) = buffers;
-    there.forward(wanted, path);
-    here.forward(found, path);
-    let weight = settings.position_weight / (POSITION_UNIT * POSITION_UNIT * (frames * JOINT_COUNT) as f32);
-    let d_positions: Vec<[Vec3; JOINT_COUNT]> = here
-        .positions
-        .iter()
-        .zip(&there.positions)
-        .map(|(here, there)| {
-            std::array::from_fn(|joint| {
-                let difference = here[joint] - there[joint];
-                loss += f64::from(weight * difference.length_squared());
-                2.0 * weight * difference
+    let unit = POSITION_UNIT * POSITION_UNIT * (frames * JOINT_COUNT) as f32;
+    for (path, share) in [(RootPath::Centred, 1.0), (RootPath::From(Planar::default()), path_share)] {
+        if share == 0.0 {
+            continue;
+        }
+        there.forward(wanted, path);
+        here.forward(found, path);
+        let weight = settings.position_weight * share / unit;
+        let d_positions: Vec<[Vec3; JOINT_COUNT]> = here
+            .positions
+            .iter()
+            .zip(&there.positions)
+            .map(|(here, there)| {
+                std::array::from_fn(|joint| {
+                    let difference = here[joint] - there[joint];
+                    loss += f64::from(weight * difference.length_squared());
+                    2.0 * weight * difference
+                })
             })
-        })
-        .collect();
-    here.backward(found, &d_positions, None, d_found);
+            .collect();
+        here.backward(found, &d_positions, None, d_found);
+    }
     loss
 }
 
@@ -694,4 +715,234 @@ fn window_errors(wanted: &[f32], found: &[f32]) -> [f64; 5] {
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::editor::window::STEP;
+    use crate::editor::window::tests::random_motion;
+    use crate::motion::Posture;
+    use glam::Quat;
+
+    /// Six clips with their mirror images, and one too short.
+    fn library() -> MotionLibrary {
+        let mut library = MotionLibrary::default();
+        for seed in 0..7 {
+            let motion = random_motion(if seed == 6 { 20 } else { 100 + 20 * seed }, seed as u64);
+            let name = format!("clip {seed}");
+            let clip = Clip { name, source: Source::Mocap, mirrored: false, motion, segments: vec![] };
+            let mirror = clip.mirror();
+            library.clips.extend([clip, mirror]);
+        }
+        library
+    }
+
+    fn small() -> ManifoldSettings {
+        ManifoldSettings {
+            channels: 8,
+            epochs: 2,
+            batch: 32,
+            stride: 30,
+            mocap_repeats: 3,
+            test_share: 0.2,
+            validation_share: 0.2,
+            ..ManifoldSettings::default()
+        }
+    }
+
+    fn train(settings: &ManifoldSettings, seed: u64) -> Manifold {
+        train_manifold(&library(), settings, seed, None, &Progress::new()).unwrap()
+    }
+
+    #[test]
+    fn a_clip_and_its_mirror_image_are_in_one_part() {
+        let library = library();
+        let parts = parts(&library, &small());
+        for pair in parts.chunks_exact(2) {
+            assert_eq!(pair[0], pair[1]);
+        }
+        assert_eq!(parts[12], None, "20 frames are too few");
+        let count = |part: usize| parts.iter().filter(|p| **p == Some(part)).count();
+        assert_eq!([count(0), count(1), count(2)], [4, 4, 4]);
+        // Whatever the order of the clips.
+        let mut turned = library.clone();
+        turned.clips.reverse();
+        let mut again = super::parts(&turned, &small());
+        again.reverse();
+        assert_eq!(parts, again);
+    }
+
+    #[test]
+    fn windows_cover_a_clip_to_its_end_and_hold_a_short_one() {
+        let library = library();
+        let firsts = |clip: &Clip| windows(clip, 30).map(|w| w.first).collect::<Vec<_>>();
+        assert_eq!(firsts(&library.clips[10]), [0, 30, 60, 80]);
+        assert_eq!(firsts(&library.clips[2]), [0]);
+        assert_eq!(firsts(&library.clips[0]), [0]);
+        let held = Window { clip: &library.clips[0], first: 0 }.motion();
+        assert_eq!((held.len(), held.contacts.len()), (WINDOW, WINDOW));
+        assert_eq!(held.postures[119], library.clips[0].motion.postures[99]);
+    }
+
+    #[test]
+    fn gradient_of_the_loss_agrees_with_finite_differences() {
+        let (wanted, _) = from_motion(&random_motion(3, 1));
+        let (mut found, _) = from_motion(&random_motion(3, 2));
+        let mut normalization = Normalization::default();
+        normalization.std.iter_mut().enumerate().for_each(|(i, s)| *s = 0.2 + 0.01 * i as f32);
+        let settings = ManifoldSettings::default();
+        for path_share in [0.0, 0.5] {
+            let loss = |found: &[f32], d: &mut [f32]| {
+                let (mut a, mut b) = (Kinematics::default(), Kinematics::default());
+                reconstruction_loss(
+                    &wanted,
+                    found,
+                    &normalization,
+                    path_share,
+                    &settings,
+                    (&mut a, &mut b),
+                    d,
+                )
+            };
+            let mut gradient = vec![0.0; found.len()];
+            loss(&found, &mut gradient);
+            let mut unused = vec![0.0; found.len()];
+            for i in 0..found.len() {
+                let (saved, h) = (found[i], 2e-3);
+                found[i] = saved + h;
+                let up = loss(&found, &mut unused);
+                found[i] = saved - h;
+                let down = loss(&found, &mut unused);
+                found[i] = saved;
+                let (numeric, analytic) = ((up - down) / f64::from(2.0 * h), f64::from(gradient[i]));
+                assert!(
+                    (numeric - analytic).abs() < 3e-2 * (1.0 + analytic.abs()),
+                    "{i}: {numeric} {analytic}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_terms_of_the_loss_by_hand() {
+        // One frame; every contact off by one standard deviation, the root's height by 2 dm and its std by 0.4 m.
+        let (wanted, _) = from_motion(&random_motion(1, 1));
+        let mut found = wanted.clone();
+        CONTACTS.for_each(|i| found[i] += 0.5);
+        found[HEIGHT] += 0.2;
+        let mut normalization = Normalization::default();
+        normalization.std.fill(0.5);
+        normalization.std[HEIGHT] = 0.4;
+        let settings = ManifoldSettings::default();
+        let buffers = (&mut Kinematics::default(), &mut Kinematics::default());
+        let mut d = vec![0.0; found.len()];
+        let loss = reconstruction_loss(&wanted, &found, &normalization, 0.5, &settings, buffers, &mut d);
+        // w_c·1 + w_r·(0.5²)/4 + w_p·2², half of it once more along the path.
+        let expected = 0.5 + 0.0625 + 1.5 * 1.3 * 4.0;
+        assert!((loss - expected).abs() < 1e-3, "{loss} {expected}");
+    }
+
+    #[test]
+    fn errors_of_a_window_by_hand() {
+        let (wanted, _) = from_motion(&random_motion(WINDOW, 3));
+        assert!(
+            window_errors(&wanted, &wanted)
+                .iter()
+                .zip([0.0, 0.0, 0.0, 1.0, 0.0])
+                .all(|(a, b)| (a - b).abs() < 1e-6)
+        );
+        let mut found = wanted.clone();
+        for row in found.chunks_exact_mut(FEATURES) {
+            row[HEIGHT] += 0.03;
+        }
+        let errors = window_errors(&wanted, &found);
+        assert!((errors[0] - 0.03).abs() < 1e-4 && (errors[1] - 0.03).abs() < 1e-4 && errors[4] < 1e-6);
+        // A straight path whose every step is 1 mm too long: 119 mm at its end.
+        let mut straight = wanted.clone();
+        let mut longer = wanted.clone();
+        for (row, long) in straight.chunks_exact_mut(FEATURES).zip(longer.chunks_exact_mut(FEATURES)) {
+            row[STEP].copy_from_slice(&[0.0, -0.02, 0.0]);
+            long[STEP].copy_from_slice(&[0.0, -0.021, 0.0]);
+        }
+        let errors = window_errors(&straight, &longer);
+        assert!((errors[4] - 0.119).abs() < 1e-4 && errors[0] < 1e-6);
+    }
+
+    #[test]
+    fn one_seed_gives_one_manifold_on_any_number_of_threads() {
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| train(&small(), 5).to_bytes())
+        };
+        let one = on(1);
+        assert_eq!(one, on(3));
+        assert_ne!(one, train(&small(), 6).to_bytes());
+    }
+
+    #[test]
+    fn training_learns_and_reports() {
+        // Of motion that has something to learn: each joint sways in its own way.
+        let mut library = library();
+        for (number, clip) in library.clips.iter_mut().enumerate() {
+            for (frame, posture) in clip.motion.postures.iter_mut().enumerate() {
+                *posture = Posture::default();
+                let angle = (0.1 * frame as f32 + number as f32).sin();
+                posture.rotations[1] = Quat::from_rotation_x(0.5 * angle);
+                posture.rotations[7] = Quat::from_rotation_z(angle);
+            }
+        }
+        let settings = ManifoldSettings { epochs: 30, learning_rate: 2e-3, augmented: 0.0, ..small() };
+        let manifold = train_manifold(&library, &settings, 1, None, &Progress::new()).unwrap();
+        let report = &manifold.report;
+        assert_eq!(report.curve.len(), 30);
+        let [first, last] = [report.curve[0], report.curve[29]];
+        assert!(last.loss < 0.6 * first.loss, "{first:?} {last:?}");
+        assert!(last.validation.joint_error_cm < first.validation.joint_error_cm, "{first:?} {last:?}");
+        assert!(report.test.windows > 0 && report.test.joint_error_cm > 0.0);
+        assert_eq!((report.test, report.clips), (report.test_mocap, [4, 4, 4]));
+    }
+
+    #[test]
+    fn a_stopped_training_goes_on_as_if_never_stopped() {
+        let path = std::env::temp_dir().join(format!("oncue-checkpoint-{}", std::process::id()));
+        let (library, progress, settings) = (library(), Progress::new(), small());
+        let mut first = Training::new(&library, &settings, 3, &progress).unwrap();
+        first.epoch(&progress).unwrap();
+        checkpoint::write(&path, &first.state).unwrap();
+        let resumed = train_manifold(&library, &settings, 3, Some(&path), &progress).unwrap();
+        assert_eq!(resumed.to_bytes(), train(&settings, 3).to_bytes());
+        // Finished, it gives the same once more; another training does not take it for its own.
+        let again = train_manifold(&library, &settings, 3, Some(&path), &progress).unwrap();
+        assert_eq!(again, resumed);
+        let other = train_manifold(&library, &settings, 4, Some(&path), &progress).unwrap_err();
+        assert!(other.to_string().contains("another library, seed or settings"), "{other}");
+        std::fs::write(&path, b"not much").unwrap();
+        let foreign = train_manifold(&library, &settings, 3, Some(&path), &progress).unwrap_err();
+        assert!(foreign.to_string().contains("is not the checkpoint"), "{foreign}");
+        std::fs::remove_file(&path).unwrap();
+    }
+
+    #[test]
+    fn a_cancelled_training_ends_with_cancelled() {
+        let progress = Progress::new();
+        progress.cancel();
+        let cancelled = train_manifold(&library(), &small(), 0, None, &progress);
+        assert!(matches!(cancelled, Err(Error::Cancelled)));
+    }
+
+    #[test]
+    fn what_cannot_be_trained_is_a_sentence() {
+        let refused = |library: &MotionLibrary, settings: ManifoldSettings| {
+            train_manifold(library, &settings, 0, None, &Progress::new()).unwrap_err().to_string()
+        };
+        let library = library();
+        assert!(refused(&library, ManifoldSettings { batch: 20, ..small() }).contains("multiple of 16"));
+        assert!(refused(&library, ManifoldSettings { channels: 0, ..small() }).contains("1 to 1024, not 0"));
+        assert!(refused(&library, ManifoldSettings { epochs: 0, ..small() }).contains("at least 1"));
+        assert!(refused(&library, ManifoldSettings { noise: f32::NAN, ..small() }).contains("at least 0"));
+        assert!(refused(&library, ManifoldSettings { test_share: 1.0, ..small() }).contains("0.9"));
+        let few = MotionLibrary { clips: library.clips[..2].to_vec() };
+        assert!(refused(&few, small()).contains("at least three"));
+    }
 }
