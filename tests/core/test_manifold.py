@@ -8,7 +8,7 @@ from oncue_core import Cancelled, DataFileError, InputError, Library, Manifold
 
 from .bvh import stepping
 
-SMALL = {"channels": 16, "epochs": 3, "stride": 40, "test_share": 0.2, "validation_share": 0.2}
+SMALL = {"channels": 16, "epochs": 3, "stride": 40, "centred": 1.0, "test_share": 0.2, "validation_share": 0.2}
 
 
 @pytest.fixture(scope="module")

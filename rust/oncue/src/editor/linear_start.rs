@@ -102,7 +102,6 @@ pub(super) fn begin(
             rows.flat_map(|row| (0..FEATURES).map(|i| metric[i] * (row[i] - n.mean[i]) / n.std[i])).collect()
         })
         .collect();
-    debug_assert!(windows.iter().all(|x| x.len() == WINDOW * FEATURES));
     let mut levels: Vec<Components> = Vec::new();
     for _ in 0..LAYERS {
         let width = levels.last().map_or(FEATURES, Components::count);

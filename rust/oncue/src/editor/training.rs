@@ -166,7 +166,7 @@ pub struct Figures {
     pub root_drift_cm: f32,
 }
 
-/// One epoch of the training.
+/// One epoch of the training. The loss of the later epochs has the path in it, which those before have not.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct CurvePoint {
     pub epoch: u32,
@@ -359,11 +359,16 @@ impl<'a> Training<'a> {
         };
         let mut manifold = Manifold::random(settings.channels, seed);
         manifold.normalization = normalization(&windows.training, settings, seed, progress)?;
-        let seen = windows.training.len().div_ceil(START_WINDOWS);
-        let drawn = (0..windows.training.len()).step_by(seen).map(|member| {
-            draw(&windows.training, member, settings, generator(seed, u32::MAX, member as u32))
-        });
-        linear_start::begin(&mut manifold, &drawn.collect::<Vec<_>>(), settings, progress)?;
+        let every = windows.training.len().div_ceil(START_WINDOWS);
+        let drawn: Vec<Vec<f32>> = (0..windows.training.len().div_ceil(every))
+            .into_par_iter()
+            .map(|i| {
+                progress.check()?;
+                let member = i * every;
+                Ok(draw(&windows.training, member, settings, generator(seed, u32::MAX, member as u32)))
+            })
+            .collect::<Result<_>>()?;
+        linear_start::begin(&mut manifold, &drawn, settings, progress)?;
         let layers = manifold.encoder.layers.iter().chain(&manifold.decoder.layers);
         let adam = layers.map(|l| Adam::new(settings.learning_rate, l.parameters.len())).collect();
         let report = TrainingReport {
