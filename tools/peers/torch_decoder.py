@@ -1,4 +1,4 @@
-"""500 steps of latent optimization through the manifold's decoder in PyTorch, on the CPU: the peer of benches/editor.rs.
+"""The 500 latent steps of benches/editor.rs in PyTorch, on the CPU, through the same decoder.
 
 `python torch_decoder.py FOLDER --channels N --steps N`, the folder holding the decoder's layers, a z and its X as raw
 float32, as the bench writes them. The output is compared before anything is timed. The loss is a plain sum of squares
@@ -6,6 +6,7 @@ on X: our time has forward kinematics in it, this one has none.
 """
 
 import argparse
+import itertools
 import time
 from pathlib import Path
 
@@ -29,7 +30,7 @@ def main() -> None:
 
     sizes = [options.channels] * 3 + [FEATURES]
     layers = []
-    for i, (inputs, outputs) in enumerate(zip(sizes, sizes[1:], strict=False)):
+    for i, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
         numbers = read(f"layer{i}.f32")
         weights = numbers[:-outputs].reshape(KERNEL, inputs, outputs).permute(1, 2, 0).contiguous()
         layers.append((weights, numbers[-outputs:].contiguous()))
@@ -57,8 +58,7 @@ def main() -> None:
         loss.backward()
         adam.step()
     seconds = time.perf_counter() - start
-    threads = torch.get_num_threads()
-    print(f"PyTorch {torch.__version__} ({threads} threads): {seconds:.2f} s for one window; the same X within {error:.0e}")
+    print(f"PyTorch {torch.__version__}, {torch.get_num_threads()} threads: {seconds:.2f} s (X differs by {error:.0e})")
 
 
 if __name__ == "__main__":
