@@ -4,38 +4,66 @@
 //! z of 15 × channels; three transposed ones lead back. All windows are (120 × [`FEATURES`]), row by row, in
 //! the units of [`super::window`]: what the networks see is normalized inside.
 
+use std::path::Path;
+
+use half::f16;
 use rand::SeedableRng;
 use rand_pcg::Pcg32;
+use serde::{Deserialize, Serialize};
 
+use super::training::TrainingReport;
 use super::window::{FEATURES, WINDOW};
+use crate::data_file::{FileKind, write_whole};
+use crate::error::{Error, Result};
+use crate::motion::skeleton::{JOINT_OFFSET, NAMES, PARENT};
 use crate::nn::conv1d::{Direction, Shape};
-use crate::nn::{ConvStack, ConvWorkspace};
+use crate::nn::{Conv1d, ConvStack, ConvWorkspace};
 
 /// Layers of Ψ and of Ψ⁻¹.
 pub const LAYERS: usize = 3;
 /// Frames of z: a latent frame stands for eight of the window.
 pub const LATENT_FRAMES: usize = WINDOW >> LAYERS;
 
+const FILE: FileKind = FileKind {
+    magic: b"ONCUEMAN",
+    version: 1,
+    name: "motion manifold",
+    remedy: "train the manifold again, or use the one that ships with Oncue",
+};
+/// More channels than any training makes are damage.
+const MOST_CHANNELS: usize = 1024;
+
 /// Mean and standard deviation of each feature.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Normalization {
-    pub mean: [f32; FEATURES],
-    pub std: [f32; FEATURES],
+    pub mean: Vec<f32>,
+    pub std: Vec<f32>,
 }
 
 impl Default for Normalization {
     fn default() -> Self {
-        Self { mean: [0.0; FEATURES], std: [1.0; FEATURES] }
+        Self { mean: vec![0.0; FEATURES], std: vec![1.0; FEATURES] }
     }
 }
 
 /// Ψ and Ψ⁻¹, and how their features are normalized.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Manifold {
     pub(crate) channels: usize,
     pub(crate) encoder: ConvStack,
     pub(crate) decoder: ConvStack,
     pub(crate) normalization: Normalization,
+    /// How it was trained, and how well it does on clips that it was not trained on.
+    pub report: TrainingReport,
+}
+
+/// What stands in a manifold's file before the weights.
+#[derive(Serialize, Deserialize)]
+struct Stored {
+    skeleton: [u8; 32],
+    channels: usize,
+    normalization: Normalization,
+    report: TrainingReport,
 }
 
 /// Buffers of [`Manifold::decode`] and [`Manifold::backward`], to be used again and again.
@@ -55,14 +83,35 @@ impl Manifold {
         let c = channels;
         Self {
             channels,
-            encoder: ConvStack::new(Direction::Down, &[FEATURES, c, c, c], &mut rng),
-            decoder: ConvStack::new(Direction::Up, &[c, c, c, FEATURES], &mut rng),
+            encoder: ConvStack::new(Direction::Down, &[FEATURES, c, c, c], 1.0, &mut rng),
+            // Begins near the mean posture, which is one; random 6D numbers are none.
+            decoder: ConvStack::new(Direction::Up, &[c, c, c, FEATURES], 0.01, &mut rng),
             normalization: Normalization::default(),
+            report: TrainingReport::default(),
+        }
+    }
+
+    fn zeros(channels: usize) -> Self {
+        let c = channels;
+        let layers = |direction: Direction, sizes: [usize; LAYERS + 1]| ConvStack {
+            layers: sizes.windows(2).map(|s| Conv1d::zeros(direction, s[0], s[1])).collect(),
+        };
+        Self {
+            channels,
+            encoder: layers(Direction::Down, [FEATURES, c, c, c]),
+            decoder: layers(Direction::Up, [c, c, c, FEATURES]),
+            normalization: Normalization::default(),
+            report: TrainingReport::default(),
         }
     }
 
     pub fn channels(&self) -> usize {
         self.channels
+    }
+
+    /// Ψ⁻¹'s layers, from z to X.
+    pub fn decoder_layers(&self) -> &[Conv1d] {
+        &self.decoder.layers
     }
 
     /// Numbers of one window's z: [`LATENT_FRAMES`] × channels.
@@ -100,6 +149,94 @@ impl Manifold {
         &work.d_z
     }
 
+    /// Every weight, encoder's first.
+    fn weights(&self) -> impl Iterator<Item = &f32> {
+        self.encoder.layers.iter().chain(&self.decoder.layers).flat_map(|layer| &layer.parameters)
+    }
+
+    fn weights_mut(&mut self) -> impl Iterator<Item = &mut f32> {
+        self.encoder.layers.iter_mut().chain(&mut self.decoder.layers).flat_map(|l| &mut l.parameters)
+    }
+
+    /// Rounds the weights to the half precision of the file: what is measured is what is written.
+    pub(crate) fn round(&mut self) {
+        self.weights_mut().for_each(|w| *w = f16::from_f32(*w).to_f32());
+    }
+
+    /// The bytes of the manifold's file: weights in half precision.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let TrainingReport { settings, test, seed, .. } = &self.report;
+        let header = format!(
+            "Oncue motion manifold, made by oncue {} with seed {seed}. {} Held-out clips: joints {:.2} cm, \
+             rotations {:.2} degrees, contacts {:.1} %.",
+            env!("CARGO_PKG_VERSION"),
+            settings.origin,
+            test.joint_error_cm,
+            test.rotation_error_degrees,
+            100.0 * test.contact_accuracy,
+        );
+        let stored = Stored {
+            skeleton: skeleton_fingerprint(),
+            channels: self.channels,
+            normalization: self.normalization.clone(),
+            report: self.report.clone(),
+        };
+        // Plain structs of numbers and strings always serialize.
+        let mut payload = postcard::to_stdvec(&stored).unwrap_or_default();
+        payload.extend(self.weights().flat_map(|w| f16::from_f32(*w).to_le_bytes()));
+        FILE.pack(header.trim(), &payload)
+    }
+
+    /// Reads the bytes of a manifold's file; `file` is for the error.
+    ///
+    /// # Errors
+    /// [`Error::DataFile`] where the bytes are foreign, too new, damaged, or of another skeleton.
+    pub fn from_bytes(bytes: &[u8], file: &Path) -> Result<Self> {
+        let payload = FILE.unpack(bytes, file)?;
+        let damaged = || FILE.damaged(file);
+        let (stored, weights) = postcard::take_from_bytes::<Stored>(payload).map_err(|_| damaged())?;
+        if stored.skeleton != skeleton_fingerprint() {
+            return Err(Error::DataFile {
+                file: file.into(),
+                reason: "it was trained for another skeleton; train a manifold with this Oncue.".into(),
+            });
+        }
+        if !(1..=MOST_CHANNELS).contains(&stored.channels) {
+            return Err(damaged());
+        }
+        let mut manifold = Self {
+            normalization: stored.normalization,
+            report: stored.report,
+            ..Self::zeros(stored.channels)
+        };
+        let count = manifold.encoder.parameter_count() + manifold.decoder.parameter_count();
+        if weights.len() != 2 * count {
+            return Err(damaged());
+        }
+        let halves = weights.as_chunks::<2>().0;
+        manifold.weights_mut().zip(halves).for_each(|(w, half)| *w = f16::from_le_bytes(*half).to_f32());
+        let Normalization { mean, std } = &manifold.normalization;
+        let sound = mean.len() == FEATURES
+            && std.len() == FEATURES
+            && mean.iter().chain(manifold.weights()).all(|v| v.is_finite())
+            && std.iter().all(|s| s.is_finite() && *s > 0.0);
+        if sound { Ok(manifold) } else { Err(damaged()) }
+    }
+
+    /// # Errors
+    /// [`Error::Io`] where the system refuses the file, and those of [`Manifold::from_bytes`].
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::from_bytes(&std::fs::read(path).map_err(|e| Error::io(path, e))?, path)
+    }
+
+    /// Writes the manifold's file; an earlier one stays as it was until the new one is whole.
+    ///
+    /// # Errors
+    /// [`Error::Io`] where the system refuses it.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        write_whole(path, &self.to_bytes())
+    }
+
     /// Windows → normalized, in the encoder's form.
     pub(crate) fn normalize(&self, x: &[f32], windows: usize, fine: &mut Vec<f32>) {
         let Normalization { mean, std } = &self.normalization;
@@ -131,6 +268,19 @@ impl Manifold {
             }
         });
     }
+}
+
+/// BLAKE3 of the joints' names, parents and offsets: what a manifold's numbers are about.
+fn skeleton_fingerprint() -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    for ((name, parent), offset) in NAMES.iter().zip(PARENT).zip(JOINT_OFFSET) {
+        hasher.update(name.as_bytes());
+        hasher.update(&(parent as u64).to_le_bytes());
+        offset.to_array().iter().for_each(|v| {
+            hasher.update(&v.to_le_bytes());
+        });
+    }
+    *hasher.finalize().as_bytes()
 }
 
 /// Calls `each` with where a frame's row begins in the windows and where in the fine form of the networks.
@@ -217,5 +367,48 @@ mod tests {
             let analytic = f64::from(d_z[i]);
             assert!((numeric - analytic).abs() < 2e-2 * (1.0 + analytic.abs()), "{i}: {numeric} {analytic}");
         }
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let mut manifold = manifold();
+        manifold.round();
+        manifold.report.settings.origin = "From nothing.".into();
+        let path = std::env::temp_dir().join(format!("oncue-manifold-{}", std::process::id()));
+        manifold.write(&path).unwrap();
+        let back = Manifold::read(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(back, manifold);
+        let bytes = manifold.to_bytes();
+        assert!(String::from_utf8_lossy(&bytes[16..200]).contains("From nothing."));
+        assert!(matches!(manifold.write(Path::new("/nowhere/at/all")), Err(Error::Io { .. })));
+    }
+
+    #[test]
+    fn damage_and_other_skeletons_are_refused() {
+        let manifold = manifold();
+        let bytes = manifold.to_bytes();
+        let sentence = |bytes: &[u8]| Manifold::from_bytes(bytes, Path::new("x")).unwrap_err().to_string();
+        assert!(sentence(b"").contains("not an Oncue motion manifold"));
+        for cut in [9, 40, bytes.len() / 2, bytes.len() - 2] {
+            assert!(sentence(&bytes[..cut]).contains("damaged"), "{cut}");
+        }
+        let mut flipped = bytes.clone();
+        let middle = flipped.len() / 2;
+        flipped[middle] ^= 4;
+        assert!(sentence(&flipped).contains("damaged"));
+        // A payload that is well formed: of another skeleton, or full of nonsense.
+        let header = u32::from_le_bytes([bytes[12], bytes[13], bytes[14], bytes[15]]) as usize;
+        let payload = &bytes[16 + header + 32..];
+        let mut other = payload.to_vec();
+        other[0] ^= 1;
+        assert!(sentence(&FILE.pack("", &other)).contains("another skeleton"));
+        assert!(sentence(&FILE.pack("", &payload[..payload.len() - 2])).contains("damaged"));
+        let mut nonsense = manifold.clone();
+        nonsense.decoder.layers[1].parameters[7] = f32::NAN;
+        assert!(sentence(&nonsense.to_bytes()).contains("damaged"));
+        let mut nonsense = manifold;
+        nonsense.normalization.std[3] = 0.0;
+        assert!(sentence(&nonsense.to_bytes()).contains("damaged"));
     }
 }

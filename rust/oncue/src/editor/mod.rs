@@ -5,13 +5,15 @@
 //! ```
 //!
 //! [`window`] lays a motion out as X, [`kinematics`] places its joints and carries gradients back,
-//! [`manifold`] is the autoencoder, `training` makes one from a motion library.
+//! [`manifold`] is the autoencoder, [`training`] makes one from a motion library.
 //!
 //! An edit asks for [`constraint`]s. [`latent`] searches the manifold for them; `finish` takes what is left. Who asks
 //! is [`seat`] (the action cue), [`manipulation`] (the hands' cues) and [`resolve`] (the artist); [`task`] is the editor's
 //! part of the main job, and [`plain_ik`] what it is compared with.
 
+mod augment;
 mod banded;
+mod checkpoint;
 pub mod constraint;
 mod degrees;
 pub mod edit;
@@ -19,6 +21,7 @@ mod feet;
 mod finish;
 pub mod kinematics;
 pub mod latent;
+mod linear_start;
 pub mod manifold;
 pub mod manipulation;
 pub mod plain_ik;
@@ -27,6 +30,7 @@ pub mod seat;
 pub mod smoothness;
 pub mod task;
 mod touch;
+pub mod training;
 pub mod window;
 
 pub use constraint::{Constraint, check_constraints};
@@ -35,6 +39,7 @@ pub use manifold::{DecoderWorkspace, Manifold};
 pub use manipulation::check_manipulations;
 pub use resolve::{Key, Wishes};
 pub use task::{EditedFigures, edit_for_task};
+pub use training::{Figures, ManifoldSettings, TrainingReport, train_manifold};
 
 use crate::error::Result;
 use crate::motion::Motion;

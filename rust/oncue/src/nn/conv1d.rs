@@ -18,6 +18,7 @@
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::matmul::{View, matmul};
 
@@ -27,7 +28,7 @@ pub const KERNEL: usize = 25;
 const REACH: usize = KERNEL / 2;
 
 /// Which of the two a layer is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Direction {
     /// Fine to coarse: the convolution.
     Down,
@@ -45,7 +46,7 @@ pub struct Shape {
 }
 
 /// One layer; `parameters` hold W_0 … W_24 (each in × out, row-major), then b (out).
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Conv1d {
     pub direction: Direction,
     pub inputs: usize,
@@ -54,21 +55,22 @@ pub struct Conv1d {
 }
 
 impl Conv1d {
-    /// How many parameters a layer has.
-    pub const fn count(inputs: usize, outputs: usize) -> usize {
-        (KERNEL * inputs + 1) * outputs
-    }
-
     /// Random normal weights that keep the variance `gain`-fold, b = 0.
     pub fn new(direction: Direction, inputs: usize, outputs: usize, gain: f32, rng: &mut impl Rng) -> Self {
         // Of the taps of a transposed convolution half reach each frame.
         let taps = if direction == Direction::Down { KERNEL } else { KERNEL.div_ceil(2) };
         let std = (gain / (taps * inputs) as f32).sqrt();
-        let mut parameters = vec![0.0; Self::count(inputs, outputs)];
-        for weight in &mut parameters[..KERNEL * inputs * outputs] {
+        let mut layer = Self::zeros(direction, inputs, outputs);
+        for weight in &mut layer.parameters[..KERNEL * inputs * outputs] {
             let n: f32 = StandardNormal.sample(rng);
             *weight = n * std;
         }
+        layer
+    }
+
+    /// W = 0, b = 0.
+    pub fn zeros(direction: Direction, inputs: usize, outputs: usize) -> Self {
+        let parameters = vec![0.0; (KERNEL * inputs + 1) * outputs];
         Self { direction, inputs, outputs, parameters }
     }
 

@@ -1,15 +1,28 @@
-//! Layers of temporal convolutions, all in one direction, with a leaky ReLU between them.
+//! Layers of temporal convolutions, all in one direction, with a leaky ReLU between them whose knee is below zero.
 
 use rand::Rng;
+use serde::{Deserialize, Serialize};
 
 use super::conv1d::{Conv1d, Direction, Shape, merge, split};
 
-/// What a leaky ReLU leaves of negative numbers. A plain ReLU would stop the gradient there, and with it an
-/// optimization of the latent vector.
+/// The slope below the knee. A plain ReLU would stop the gradient there, and with it an optimization of the latent
+/// vector.
 pub const LEAK: f32 = 0.2;
+/// The activation bends at -KNEE instead of 0: the same as a bias before it and its opposite after it, but what the
+/// next layer sees has mean 0, without which small steps of all its weights together are a large one.
+pub const KNEE: f32 = 2.0;
+
+fn activate(v: f32) -> f32 {
+    if v > -KNEE { v } else { LEAK * (v + KNEE) - KNEE }
+}
+
+/// The activation's derivative, given its output.
+fn slope(output: f32) -> f32 {
+    if output > -KNEE { 1.0 } else { LEAK }
+}
 
 /// y = L_n(… act(L_1(x)) …), each layer halving (or doubling) the number of frames.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ConvStack {
     pub layers: Vec<Conv1d>,
 }
@@ -37,10 +50,11 @@ impl ConvWorkspace {
 }
 
 impl ConvStack {
-    /// Random layers between the channel counts of `sizes`.
-    pub fn new(direction: Direction, sizes: &[usize], rng: &mut impl Rng) -> Self {
+    /// Random layers between the channel counts of `sizes`; the last one's output has the variance `output_gain` for
+    /// an input of variance 1.
+    pub fn new(direction: Direction, sizes: &[usize], output_gain: f32, rng: &mut impl Rng) -> Self {
         let last = sizes.len() - 2;
-        let gain = |layer: usize| if layer == last { 1.0 } else { 2.0 / (1.0 + LEAK * LEAK) };
+        let gain = |layer: usize| if layer == last { output_gain } else { 1.0 };
         let layers =
             sizes.windows(2).enumerate().map(|(i, s)| Conv1d::new(direction, s[0], s[1], gain(i), rng));
         Self { layers: layers.collect() }
@@ -63,7 +77,6 @@ impl ConvStack {
             layer.forward(&before[i], shape, &mut work.output, &mut work.scratch);
             if let Some(next) = after.first_mut() {
                 let width = shape.batch * layer.outputs;
-                let activate = |v: f32| if v > 0.0 { v } else { LEAK * v };
                 match layer.direction {
                     Direction::Down => split(&work.output, width, next, activate),
                     Direction::Up => merge(&work.output, width, next, activate),
@@ -98,7 +111,7 @@ impl ConvStack {
                 break;
             }
             for (d, &v) in lower.iter_mut().zip(&inputs[i]) {
-                *d = if v > 0.0 { *d } else { LEAK * *d };
+                *d *= slope(v);
             }
             let width = shapes[i].batch * layer.inputs;
             match layer.direction {
@@ -121,9 +134,9 @@ mod tests {
         let mut rng = Pcg32::seed_from_u64(3);
         let coarsest = Shape { frames: 3, batch: 2 };
         for direction in [Direction::Down, Direction::Up] {
-            let mut stack = ConvStack::new(direction, &[3, 4, 2], &mut rng);
+            let mut stack = ConvStack::new(direction, &[3, 4, 2], 1.0, &mut rng);
             let frames = if direction == Direction::Down { 12 } else { 3 };
-            let mut input: Vec<f32> = (0..frames * 2 * 3).map(|_| rng.random_range(-1.0..1.0)).collect();
+            let mut input: Vec<f32> = (0..frames * 2 * 3).map(|_| rng.random_range(-6.0..6.0)).collect();
             let mut work = ConvWorkspace::default();
             let mut output = |stack: &ConvStack, input: &[f32]| {
                 input.clone_into(work.input());
