@@ -897,7 +897,7 @@ mod tests {
                 posture.rotations[7] = Quat::from_rotation_z(angle);
             }
         }
-        let settings = ManifoldSettings { epochs: 24, learning_rate: 2e-3, augmented: 0.0, ..small() };
+        let settings = ManifoldSettings { epochs: 30, learning_rate: 2e-3, augmented: 0.0, ..small() };
         let manifold = train_manifold(&library, &settings, 1, None, &Progress::new()).unwrap();
         let report = &manifold.report;
         assert_eq!(report.curve.len(), 30);
