@@ -33,11 +33,89 @@ class ActionCue(TypedDict):
     feet: NotRequired[list[Point | list[float] | None]]
 
 
+class ManipulationCue(TypedDict):
+    """φ_M: the path that a hand's joint follows, one place a frame (30 Hz), world, metres.
+
+    `first_frame`: the motion's frame at which the hand is at the first place; without it, as soon as the action is
+    complete and the hand has got there.
+    """
+
+    name: str
+    hand: Literal["left", "right", "both"]
+    path: list[Point] | list[list[float]]
+    first_frame: NotRequired[int | None]
+
+
 class Task(TypedDict):
-    """A start and the cue that follows it."""
+    """A start, the cue that follows it, and what the hands do."""
 
     start: InitialState
     cue: ActionCue
+    manipulations: NotRequired[list[ManipulationCue]]
+
+
+class Constraint(TypedDict):
+    """Where a joint is to be from `first_frame` (30 Hz) on, one entry a frame; what is left out stays free.
+
+    `positions`: world, metres. `rotations`: world, w first. `facings`: of the Hips, radians. `soft`: a wish, which may
+    be missed.
+    """
+
+    name: str
+    joint: str
+    first_frame: int
+    positions: NotRequired[list[Point] | list[list[float]]]
+    rotations: NotRequired[list[tuple[float, float, float, float]] | list[list[float]]]
+    facings: NotRequired[list[float]]
+    soft: NotRequired[bool]
+
+
+class Key(TypedDict):
+    """A joint that was keyed at a frame: its posture there is the motion's own, and stays."""
+
+    joint: str
+    frame: int
+
+
+class ConstraintFigures(TypedDict):
+    """What is left of a constraint; None where nothing was asked. `met`: within 1 cm and 3°."""
+
+    name: str
+    joint: str
+    frames: int
+    mean_cm: float | None
+    max_cm: float | None
+    mean_degrees: float | None
+    max_degrees: float | None
+    met: bool
+
+
+class SearchFigures(TypedDict):
+    """What the search along the manifold did: its windows, its steps, and how far the targets were before and after."""
+
+    windows: int
+    steps: int
+    before_cm: float
+    after_cm: float
+
+
+class ManipulationFigures(TypedDict):
+    """Where a hand's path came to lie in the motion."""
+
+    name: str
+    first_frame: int
+    frames: int
+
+
+class EditFigures(TypedDict):
+    """What an edit did. Frames before `first_frame` and from `end_frame` on are as they were, to the bit."""
+
+    constraints: list[ConstraintFigures]
+    first_frame: int
+    end_frame: int
+    search: SearchFigures | None
+    seconds: float
+    manipulations: list[ManipulationFigures]
 
 
 class ProgressSnapshot(TypedDict):
@@ -89,6 +167,48 @@ class Summary(TypedDict):
     clips: int
     frames: int
     rows: list[SummaryRow]
+
+
+class ManifoldErrors(TypedDict):
+    """How well a manifold gives windows of 120 frames back.
+
+    `joint_error_cm` is the mean distance of a joint with the root's path taken from the input, `path_joint_error_cm`
+    with the path as it was given back; `rotation_error_degrees` the mean angle of a joint relative to its parent;
+    `contact_accuracy` the share of foot contacts that are right; `root_drift_cm` the root's planar distance at the end.
+    """
+
+    windows: int
+    joint_error_cm: float
+    path_joint_error_cm: float
+    rotation_error_degrees: float
+    contact_accuracy: float
+    root_drift_cm: float
+
+
+class ManifoldEpoch(TypedDict):
+    """One pass over the training windows: the mean loss, and the errors on the validation clips after it."""
+
+    epoch: int
+    loss: float
+    validation: ManifoldErrors
+
+
+class ManifoldFigures(TypedDict):
+    """How a manifold was trained and measured. `clips`: for training, for validation, for the test.
+
+    `test_mocap` are the captured of the test clips; `test_augmented` the test clips with arms that reach, backs that
+    bend and pelvises that sink as no clip does.
+    """
+
+    library: str
+    seed: int
+    settings: Settings
+    clips: list[int]
+    training_windows: int
+    test: ManifoldErrors
+    test_mocap: ManifoldErrors
+    test_augmented: ManifoldErrors
+    curve: list[ManifoldEpoch]
 
 
 class PolicyOrigin(TypedDict):
