@@ -34,6 +34,8 @@ EVALUATION = ["numpy==2.4.6", "trimesh==5.2.0", "matplotlib==3.11.2"]
 CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6"]
 #: A crash or a hang in Blender's exit must not hold the run.
 BLENDER_TESTS = ["pytest==9.2.0", "pytest-timeout==2.4.0"]
+#: What the benches run beside us; the product never sees it.
+PEERS = ["torch==2.15.0", "numpy==2.4.6"]
 
 
 class Blender(NamedTuple):
@@ -336,6 +338,19 @@ def evaluate(session: nox.Session) -> None:
 
 
 @nox.session
+def manifold(session: nox.Session) -> None:
+    """Trains a motion manifold: `-- --library FOLDER … --out FILE [--seed N] [--checkpoint FILE] [--settings JSON]`.
+
+    The same command gives the same file on any number of cores of one kind. That of the manifold that ships is in
+    docs/manifold.md.
+    """
+    command = ["cargo", "run", "--release", "--locked", "--package", "oncue", "--example", "manifold", "--"]
+    session.run(*command, *session.posargs, external=True)
+
+
+@nox.session
 def bench(session: nox.Session) -> None:
-    """Search, collision, environment steps and updates, each beside a plain reference."""
-    session.run("cargo", "bench", "--locked", "--workspace", "--bench", "*", *session.posargs, external=True)
+    """Search, collision, environment steps, updates and latent steps, each beside a plain reference or PyTorch."""
+    torch = environment(session, "peers", PEERS)
+    command = ["cargo", "bench", "--locked", "--workspace", "--bench", "*", *session.posargs]
+    session.run(*command, external=True, env={"ONCUE_TORCH": str(torch)})

@@ -7,6 +7,7 @@ quaternions w first; a character at rest faces -Y, and `yaw` (radians) turns it 
 from ._native import (
     Job,
     Library,
+    Manifold,
     Policy,
     SceneIndex,
     Synthesis,
@@ -21,12 +22,15 @@ from ._native import (
     robustness,
     skeleton,
     synthesize,
+    train_manifold,
 )
 from .errors import Cancelled, DataFileError, InputError, OncueError
 from .types import (
     ActionCue,
     BoxNode,
     InitialState,
+    ManifoldErrors,
+    ManifoldFigures,
     LearningFigures,
     Point,
     PolicyOrigin,
@@ -51,6 +55,9 @@ __all__ = [
     "Job",
     "LearningFigures",
     "Library",
+    "Manifold",
+    "ManifoldErrors",
+    "ManifoldFigures",
     "OncueError",
     "Point",
     "Policy",
@@ -77,4 +84,5 @@ __all__ = [
     "robustness",
     "skeleton",
     "synthesize",
+    "train_manifold",
 ]

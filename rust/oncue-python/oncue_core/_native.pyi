@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .types import (
     ActionCue,
     LearningFigures,
+    ManifoldFigures,
     Point,
     PolicyOrigin,
     ProgressSnapshot,
@@ -25,6 +26,7 @@ from .types import (
 __all__ = [
     "Job",
     "Library",
+    "Manifold",
     "Policy",
     "SceneIndex",
     "Synthesis",
@@ -39,6 +41,7 @@ __all__ = [
     "robustness",
     "skeleton",
     "synthesize",
+    "train_manifold",
 ]
 
 __version__: str
@@ -104,6 +107,37 @@ def build_library(
 
 def practice_room(seed: int) -> tuple[NDArray[np.float32], NDArray[np.uint32], list[ActionCue]]:
     """A room made by rule: positions (n, 3), world, metres, triangles (m, 3), and the cues that it offers."""
+
+@final
+class Manifold:
+    """Ψ and Ψ⁻¹: the autoencoder that motions are edited in (LAMA, section 3.6). Immutable."""
+
+    @staticmethod
+    def read(path: str | os.PathLike[str]) -> Manifold:
+        """Reads a manifold's file. OSError, and DataFileError for one that is foreign, too new, damaged or of another
+        skeleton."""
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the manifold's file; an earlier one stays as it was until the new one is whole. OSError."""
+    @property
+    def channels(self) -> int:
+        """Channels of each layer's output; the latent vector of 120 frames has 15 times as many numbers."""
+    @property
+    def figures(self) -> ManifoldFigures:
+        """How it was trained, and its errors on clips that it was not trained on."""
+
+def train_manifold(
+    library: Library,
+    settings: Settings | None = None,
+    seed: int = 0,
+    checkpoint: str | os.PathLike[str] | None = None,
+) -> Job[Manifold]:
+    """Trains a manifold on a library's clips; the same seed gives the same manifold on any number of cores.
+
+    Settings: `channels`, `epochs`, `batch` and the others of `figures["settings"]`; what is left out keeps its default.
+    With a `checkpoint` the training is written to that file after every epoch, and goes on from there when it is called
+    again. InputError for unknown settings at once; from the job for settings out of range and for a library of fewer
+    than three clips that are long enough, DataFileError for the checkpoint of another training, OSError.
+    """
 
 @final
 class SceneIndex:

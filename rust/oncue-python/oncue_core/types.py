@@ -91,6 +91,46 @@ class Summary(TypedDict):
     rows: list[SummaryRow]
 
 
+class ManifoldErrors(TypedDict):
+    """How well a manifold gives windows of 120 frames back.
+
+    `joint_error_cm` is the mean distance of a joint with the root's path taken from the input, `path_joint_error_cm`
+    with the path as it was given back; `rotation_error_degrees` the mean angle of a joint relative to its parent;
+    `contact_accuracy` the share of foot contacts that are right; `root_drift_cm` the root's planar distance at the end.
+    """
+
+    windows: int
+    joint_error_cm: float
+    path_joint_error_cm: float
+    rotation_error_degrees: float
+    contact_accuracy: float
+    root_drift_cm: float
+
+
+class ManifoldEpoch(TypedDict):
+    """One pass over the training windows: the mean loss, and the errors on the validation clips after it."""
+
+    epoch: int
+    loss: float
+    validation: ManifoldErrors
+
+
+class ManifoldFigures(TypedDict):
+    """How a manifold was trained and measured. `clips`: for training, for validation, for the test.
+
+    `test_mocap` are the captured of the test clips; `test_augmented` the test clips with arms that reach, backs that
+    bend and pelvises that sink as no clip does.
+    """
+
+    library: str
+    seed: int
+    settings: Settings
+    clips: list[int]
+    training_windows: int
+    test: ManifoldErrors
+    test_mocap: ManifoldErrors
+    test_augmented: ManifoldErrors
+    curve: list[ManifoldEpoch]
 class PolicyOrigin(TypedDict):
     """What a policy was optimized for. `scene`: its fingerprint, empty for the prior; `library`: a checksum."""
 

@@ -44,6 +44,7 @@ fn main() {
             yaw: -std::f32::consts::FRAC_PI_2,
             feet: [None, None],
         },
+        manipulations: Vec::new(),
     };
     let environment = Environment::new(&scene, &database, &task, &settings);
     let mut rng = Pcg64::seed_from_u64(1);

@@ -55,7 +55,9 @@ fn main() -> Result<(), AnyError> {
         .iter()
         .enumerate()
         .flat_map(|(s, (_, cues))| {
-            cues.iter().map(|cue| (s, Task { start: start.clone(), cue: cue.clone() })).collect::<Vec<_>>()
+            cues.iter()
+                .map(|cue| (s, Task { start: start.clone(), cue: cue.clone(), manipulations: Vec::new() }))
+                .collect::<Vec<_>>()
         })
         .collect();
     let environments: Vec<Environment> = tasks

@@ -65,10 +65,38 @@ impl ActionCue {
     }
 }
 
+/// Which hand follows a [`ManipulationCue`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Hand {
+    Left,
+    Right,
+    /// One on each side of the path.
+    Both,
+}
+
+/// φ_M = {q_j^t}: the path that a hand follows (LAMA, section 3.1 and supplementary).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ManipulationCue {
+    /// The name the artist gave it, for messages.
+    pub name: String,
+    pub hand: Hand,
+    /// Where the hand's joint is on each frame (30 Hz), world, metres.
+    pub path: Vec<Vec3>,
+    /// The motion's frame on which the hand is at the path's first place; without it that is as soon as the action is
+    /// complete and the hand has got there.
+    #[serde(default)]
+    pub first_frame: Option<usize>,
+}
+
 /// One task: a start and what follows it. Today one cue; the list leaves room for chains.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Task {
     pub start: InitialState,
     pub cue: ActionCue,
+    /// φ_M: what the hands do on the way or once the cue is met.
+    #[serde(default)]
+    pub manipulations: Vec<ManipulationCue>,
 }

@@ -15,6 +15,7 @@
 pub mod controller;
 pub mod cue;
 pub mod data_file;
+pub mod editor;
 pub mod error;
 pub mod job;
 pub mod library;
@@ -29,7 +30,7 @@ pub mod settings;
 pub mod synthesize;
 pub mod synthesizer;
 
-pub use cue::{ActionCue, ActionType, InitialState, Task};
+pub use cue::{ActionCue, ActionType, Hand, InitialState, ManipulationCue, Task};
 pub use error::{Error, Result};
 pub use job::Job;
 pub use library::MotionLibrary;

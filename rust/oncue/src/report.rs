@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::controller::optimize::UpdateFigures;
+use crate::editor::EditedFigures;
 use crate::metrics::{FootFigures, PenetrationFigures, Residual, SpeedFigures};
 use crate::settings::Settings;
 
@@ -40,6 +41,8 @@ pub struct Report {
     pub foot: FootFigures,
     pub penetration: PenetrationFigures,
     pub speed: SpeedFigures,
+    /// What the editor did; none where it is switched off or the action was not completed.
+    pub edited: Option<EditedFigures>,
     pub frames: usize,
     /// Metres the root travelled, and the shortest clear path.
     pub path_m: f32,

@@ -23,6 +23,7 @@ pub struct Settings {
     pub ppo: PpoSettings,
     pub kept: KeptSettings,
     pub scene: crate::scene::SceneSettings,
+    pub editor: EditorSettings,
 }
 
 /// S (LAMA, section 3.3).
@@ -300,6 +301,51 @@ pub struct KeptSettings {
 impl Default for KeptSettings {
     fn default() -> Self {
         Self { rollouts: 128, rounds: 3, branches: 6, more_rounds: 9 }
+    }
+}
+
+/// E, the motion editor (LAMA, section 3.6; supplementary, "Motion Editing").
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EditorSettings {
+    /// Fit a synthesized sit to its seat and carry hands along their manipulation cues. Without it the motion is the
+    /// controller's own.
+    pub fit: bool,
+    /// Search the manifold before the finishing pass (the ablation switches it off).
+    pub manifold: bool,
+    /// Adam's learning rate (0.005) and most steps (500).
+    pub learning_rate: f32,
+    pub steps: usize,
+    /// The search stops once every target is this near, metres. The finishing pass takes the rest.
+    pub met: f32,
+    /// w_p, w_f, w_r, w_Δr (released, for manipulation: 7, 6, 1, 10).
+    pub w_pos: f32,
+    pub w_foot: f32,
+    pub w_root: f32,
+    pub w_root_velocity: f32,
+    /// An edit fades in before the first frame that asks for it and out after the last, seconds.
+    pub blend_seconds: f32,
+    /// Seconds of a reach of no length, and what each metre adds to it; a return takes as long.
+    pub reach_seconds: f32,
+    pub reach_seconds_per_metre: f32,
+}
+
+impl Default for EditorSettings {
+    fn default() -> Self {
+        Self {
+            fit: true,
+            manifold: true,
+            learning_rate: 0.005,
+            steps: 500,
+            met: 0.02,
+            w_pos: 7.0,
+            w_foot: 6.0,
+            w_root: 1.0,
+            w_root_velocity: 10.0,
+            blend_seconds: 0.8,
+            reach_seconds: 0.6,
+            reach_seconds_per_metre: 0.3,
+        }
     }
 }
 

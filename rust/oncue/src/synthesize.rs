@@ -1,4 +1,4 @@
-//! The main job, in reading order: check, find a motion, hold, measure.
+//! The main job, in reading order: check, find a motion, hold, edit, measure.
 
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -6,6 +6,7 @@ use std::time::Instant;
 use crate::controller::optimize::UpdateFigures;
 use crate::controller::{Environment, EpisodeEnd, KeptMotion, KeptPolicy, keep_motion, optimize_policy};
 use crate::cue::{ActionType, Task};
+use crate::editor::{check_manipulations, edit_for_task};
 use crate::error::Result;
 use crate::library::database::MotionDatabase;
 use crate::metrics::{Residual, foot_figures, penetration_figures, residual, speed_figures};
@@ -24,7 +25,7 @@ pub struct Synthesis {
     pub policy: KeptPolicy,
 }
 
-/// M = LAMA(W, Φ, g_init) (LAMA, eq. 1), up to the motion editor.
+/// M = LAMA(W, Φ, g_init) (LAMA, eq. 1), edited to fit its seat and its hands' cues.
 ///
 /// `kept` is a policy of the same scene and library. Where the shipped prior, or else `kept`, serves the task, its
 /// motion is taken at once; where neither does, `kept` (or the prior) is fine-tuned (section 3.5). The prior comes
@@ -45,6 +46,7 @@ pub fn synthesize(
     let mut laps = Laps::new();
     progress.stage("Checking the cues");
     check_task(scene, task)?;
+    check_manipulations(task)?;
     let environment = Environment::new(scene, database, task, settings);
     laps.done("check");
 
@@ -62,6 +64,14 @@ pub fn synthesize(
         }
     }
 
+    let edited = if settings.editor.fit && kept.end == EpisodeEnd::Complete {
+        Some(edit_for_task(&mut motion, task, complete, scene, &settings.editor, progress)?)
+    } else {
+        None
+    };
+    let complete = edited.as_ref().map_or(complete, |e| e.complete_frame);
+    laps.done("edit");
+
     progress.stage("Measuring");
     let floor = task.start.position.z;
     let seat = kept.episode.action_from.zip(task.cue.seat_height());
@@ -71,7 +81,8 @@ pub fn synthesize(
     let penetration = penetration_figures(&motion, scene, floor, ignore, seat);
     laps.done("measure");
 
-    let problems = problems(kept.end, &cues, task);
+    let mut problems = problems(kept.end, &cues, task);
+    problems.extend(edited.iter().flat_map(|e| e.problems.clone()));
     let report = Report {
         report_version: REPORT_VERSION,
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -84,6 +95,7 @@ pub fn synthesize(
         foot,
         penetration,
         speed: speed_figures(&motion, &database.usual_turns),
+        edited,
         frames: motion.len(),
         path_m: kept.tally.travelled,
         shortest_path_m: environment.path.distance(task.start.planar().position),

@@ -7,6 +7,10 @@
 //! blocks of 16 with the frame as the fastest index, so that the loops vectorise; AVX2 is chosen at run
 //! time, and both paths do the same arithmetic in the same order.
 
+use std::convert::Infallible;
+
+use crate::math::eigen::symmetric_eigen;
+
 /// Frames in a block.
 const BLOCK: usize = 16;
 /// Blocks in a group.
@@ -329,52 +333,8 @@ fn principal_directions(rows: &[f32], size: usize) -> Vec<f32> {
             a[j * size + i] = a[i * size + j];
         }
     }
-    let mut v = vec![0.0f64; size * size];
-    for i in 0..size {
-        v[i * size + i] = 1.0;
-    }
-    for _ in 0..30 {
-        let off: f64 =
-            (0..size).flat_map(|i| (0..i).map(move |j| (i, j))).map(|(i, j)| a[i * size + j].powi(2)).sum();
-        if off < 1e-18 {
-            break;
-        }
-        for p in 0..size {
-            for q in p + 1..size {
-                rotate_jacobi(&mut a, &mut v, size, p, q);
-            }
-        }
-    }
-    let mut order: Vec<usize> = (0..size).collect();
-    order.sort_by(|i, j| a[j * size + j].total_cmp(&a[i * size + i]).then(i.cmp(j)));
-    order.iter().flat_map(|&c| (0..size).map(move |r| (r, c))).map(|(r, c)| v[r * size + c] as f32).collect()
-}
-
-fn rotate_jacobi(a: &mut [f64], v: &mut [f64], size: usize, p: usize, q: usize) {
-    let apq = a[p * size + q];
-    if apq.abs() < 1e-300 {
-        return;
-    }
-    let theta = (a[q * size + q] - a[p * size + p]) / (2.0 * apq);
-    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-    let t = if theta == 0.0 { 1.0 } else { t };
-    let c = 1.0 / (t * t + 1.0).sqrt();
-    let s = t * c;
-    for k in 0..size {
-        let (kp, kq) = (a[k * size + p], a[k * size + q]);
-        a[k * size + p] = c * kp - s * kq;
-        a[k * size + q] = s * kp + c * kq;
-    }
-    for k in 0..size {
-        let (pk, qk) = (a[p * size + k], a[q * size + k]);
-        a[p * size + k] = c * pk - s * qk;
-        a[q * size + k] = s * pk + c * qk;
-    }
-    for k in 0..size {
-        let (kp, kq) = (v[k * size + p], v[k * size + q]);
-        v[k * size + p] = c * kp - s * kq;
-        v[k * size + q] = s * kp + c * kq;
-    }
+    let Ok((_, vectors)) = symmetric_eigen(&mut a, size, || Ok::<(), Infallible>(()));
+    vectors.into_iter().map(|v| v as f32).collect()
 }
 
 #[cfg(test)]

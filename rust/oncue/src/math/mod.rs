@@ -1,5 +1,6 @@
 //! Rotations and the person-centric plane.
 
+pub mod eigen;
 pub mod planar;
 pub mod rotation;
 

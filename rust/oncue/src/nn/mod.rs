@@ -1,13 +1,17 @@
-//! Small networks on `gemm` kernels: dense layers, Adam. Knows nothing of motion.
+//! Small networks on `gemm` kernels: dense layers, temporal convolutions, Adam. Knows nothing of motion.
 //!
 //! The batch, not the product, is what is split over threads, in chunks of a fixed number of rows
 //! whose gradients are summed in order: the result does not depend on the number of threads.
 
 pub mod adam;
+pub mod conv1d;
+pub mod conv_stack;
 pub mod matmul;
 pub mod mlp;
 
 pub use adam::Adam;
+pub use conv_stack::{ConvStack, ConvWorkspace};
+pub use conv1d::Conv1d;
 pub use mlp::{Activations, Mlp};
 
 /// Rows of a batch that one thread takes at a time.

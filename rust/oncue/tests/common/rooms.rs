@@ -50,6 +50,7 @@ pub fn read(folder: &Path) -> Vec<Row> {
                         yaw: yaw("facing_heading_deg"),
                         feet: [None; 2],
                     },
+                    manipulations: Vec::new(),
                 },
                 path: number("path_m"),
                 path_end_gap: number("path_end_gap_m"),

@@ -1,0 +1,267 @@
+//! What an edited motion must meet: joints at places or turned as given, over a range of frames.
+
+use std::ops::Range;
+
+use glam::{Quat, Vec3};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::error::{Error, Result};
+use crate::math::rotation::angle_between;
+use crate::motion::skeleton::NAMES;
+use crate::motion::{Joint, Motion};
+
+/// q_j^t (LAMA, φ_M, section 3.1), and the same for rotations: where a joint is to be, frame by frame.
+///
+/// One entry for each frame from `first_frame` on; a list that is empty leaves that side of the joint free.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Constraint {
+    /// The name the artist gave it, for messages.
+    pub name: String,
+    #[serde(with = "by_name")]
+    pub joint: Joint,
+    /// 30 Hz.
+    pub first_frame: usize,
+    /// World, metres.
+    #[serde(default)]
+    pub positions: Vec<Vec3>,
+    /// World, w first in files and in Python.
+    #[serde(default, with = "w_first")]
+    pub rotations: Vec<Quat>,
+    /// The root's facing alone (radians, see [`crate::math::Planar`]), where its lean is free.
+    #[serde(default)]
+    pub facings: Vec<f32>,
+    /// A wish: it pulls, and may be missed.
+    #[serde(default)]
+    pub soft: bool,
+}
+
+/// Two hard targets of one joint on one frame may differ so far, metres and radians.
+const SAME_PLACE: f32 = 1e-3;
+const SAME_TURN: f32 = 5e-3;
+/// A target moves at most so far from one frame to the next, metres: 4 m/s, a fast reach.
+const LARGEST_STEP: f32 = 0.134;
+/// And turns at most so far, radians.
+const LARGEST_TURN: f32 = 0.8;
+
+impl Constraint {
+    /// A joint at given places.
+    pub fn positions(name: &str, joint: Joint, first_frame: usize, positions: Vec<Vec3>) -> Self {
+        Self {
+            name: name.to_owned(),
+            joint,
+            first_frame,
+            positions,
+            rotations: Vec::new(),
+            facings: Vec::new(),
+            soft: false,
+        }
+    }
+
+    /// The frames it speaks of.
+    pub fn frames(&self) -> Range<usize> {
+        let count = self.positions.len().max(self.rotations.len()).max(self.facings.len());
+        self.first_frame..self.first_frame + count
+    }
+
+    pub fn position(&self, frame: usize) -> Option<Vec3> {
+        self.positions.get(frame.checked_sub(self.first_frame)?).copied()
+    }
+
+    pub fn rotation(&self, frame: usize) -> Option<Quat> {
+        self.rotations.get(frame.checked_sub(self.first_frame)?).copied()
+    }
+
+    pub fn facing(&self, frame: usize) -> Option<f32> {
+        self.facings.get(frame.checked_sub(self.first_frame)?).copied()
+    }
+
+    fn check(&self, motion: &Motion) -> Result<()> {
+        let name = &self.name;
+        let frames = self.frames();
+        if frames.is_empty() {
+            return Err(Error::input(format!(
+                "‘{name}’ places nothing: give the {} a position or a rotation on at least one frame.",
+                self.joint.name()
+            )));
+        }
+        let lengths = [self.positions.len(), self.rotations.len(), self.facings.len()];
+        if lengths.iter().any(|&n| n != 0 && n != frames.len()) {
+            return Err(Error::input(format!(
+                "‘{name}’ has {} positions, {} rotations and {} facings; give each frame one, or none at all.",
+                lengths[0], lengths[1], lengths[2]
+            )));
+        }
+        if frames.end > motion.len() {
+            return Err(Error::input(format!(
+                "‘{name}’ asks for frames {} to {}, and the motion has frames 0 to {}; move it within the motion.",
+                frames.start,
+                frames.end - 1,
+                motion.len().saturating_sub(1)
+            )));
+        }
+        if !self.facings.is_empty() && self.joint != Joint::Hips {
+            return Err(Error::input(format!(
+                "‘{name}’ gives the {} a facing; only the Hips have one.",
+                self.joint.name()
+            )));
+        }
+        let numbers = self.positions.iter().all(|p| p.is_finite())
+            && self.rotations.iter().all(|q| q.is_finite() && (q.length() - 1.0).abs() < 1e-2)
+            && self.facings.iter().all(|f| f.is_finite());
+        if !numbers {
+            return Err(Error::input(format!("‘{name}’ has a place or a rotation that is not a number.")));
+        }
+        check_path(name, self.first_frame, &self.positions)?;
+        for (i, pair) in self.rotations.windows(2).enumerate() {
+            let turn = angle_between(pair[0], pair[1]);
+            if turn > LARGEST_TURN {
+                return Err(Error::input(format!(
+                    "‘{name}’ turns by {:.0}° between frames {} and {}; a joint turns at most {:.0}° a frame.",
+                    turn.to_degrees(),
+                    self.first_frame + i,
+                    self.first_frame + i + 1,
+                    LARGEST_TURN.to_degrees()
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Refuses a path that jumps.
+pub(super) fn check_path(name: &str, first_frame: usize, path: &[Vec3]) -> Result<()> {
+    for (i, pair) in path.windows(2).enumerate() {
+        let step = pair[0].distance(pair[1]);
+        if step > LARGEST_STEP {
+            return Err(Error::input(format!(
+                "The path of ‘{name}’ jumps by {step:.2} m between frames {} and {}; a hand moves at most {LARGEST_STEP:.2} m a \
+                 frame. Give it more frames or smooth its keys.",
+                first_frame + i,
+                first_frame + i + 1
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses what cannot be met whatever the body does: ranges outside the motion, paths that jump, two targets for one
+/// joint on one frame.
+///
+/// # Errors
+/// `Input`; the sentence names the constraint, the frame and the value.
+pub fn check_constraints(motion: &Motion, constraints: &[Constraint]) -> Result<()> {
+    constraints.iter().try_for_each(|c| c.check(motion))?;
+    for (i, a) in constraints.iter().enumerate().filter(|(_, c)| !c.soft) {
+        for b in constraints[i + 1..].iter().filter(|b| b.joint == a.joint && !b.soft) {
+            let both = a.frames().start.max(b.frames().start)..a.frames().end.min(b.frames().end);
+            for frame in both {
+                let apart = a.position(frame).zip(b.position(frame)).map_or(0.0, |(a, b)| a.distance(b));
+                let turned =
+                    a.rotation(frame).zip(b.rotation(frame)).map_or(0.0, |(a, b)| angle_between(a, b));
+                if apart > SAME_PLACE || turned > SAME_TURN {
+                    let how = if apart > SAME_PLACE {
+                        format!("{apart:.2} m apart")
+                    } else {
+                        format!("{:.0}° apart", turned.to_degrees())
+                    };
+                    return Err(Error::input(format!(
+                        "‘{}’ and ‘{}’ both want the {} on frame {frame}, {how}; keep one of them.",
+                        a.name,
+                        b.name,
+                        a.joint.name()
+                    )));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The joint of that name.
+///
+/// # Errors
+/// `Input` naming it and those there are.
+pub fn joint_named(name: &str) -> Result<Joint> {
+    NAMES.iter().position(|n| *n == name).map(|i| Joint::ALL[i]).ok_or_else(|| {
+        Error::input(format!("The character has no bone ‘{name}’; its bones are {}.", NAMES.join(", ")))
+    })
+}
+
+mod by_name {
+    use super::*;
+
+    pub fn serialize<S: Serializer>(joint: &Joint, to: S) -> std::result::Result<S::Ok, S::Error> {
+        to.serialize_str(joint.name())
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Joint, D::Error> {
+        let name = String::deserialize(from)?;
+        joint_named(&name).map_err(serde::de::Error::custom)
+    }
+}
+
+pub(crate) mod w_first {
+    use super::*;
+
+    pub fn serialize<S: Serializer>(rotations: &[Quat], to: S) -> std::result::Result<S::Ok, S::Error> {
+        to.collect_seq(rotations.iter().map(|q| [q.w, q.x, q.y, q.z]))
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Vec<Quat>, D::Error> {
+        let numbers = Vec::<[f32; 4]>::deserialize(from)?;
+        Ok(numbers.into_iter().map(|[w, x, y, z]| Quat::from_xyzw(x, y, z, w)).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Posture;
+
+    fn still(frames: usize) -> Motion {
+        Motion { postures: vec![Posture::default(); frames], contacts: vec![[1.0, 1.0]; frames] }
+    }
+
+    fn hand(name: &str, first: usize, places: &[Vec3]) -> Constraint {
+        Constraint::positions(name, Joint::LeftHand, first, places.to_vec())
+    }
+
+    #[test]
+    fn bad_input_is_named() {
+        let motion = still(20);
+        let refused =
+            |constraints: &[Constraint]| check_constraints(&motion, constraints).unwrap_err().to_string();
+        let late = refused(&[hand("Lid", 18, &[Vec3::ONE; 5])]);
+        assert!(late.contains("‘Lid’") && late.contains("18 to 22") && late.contains("0 to 19"), "{late}");
+        let twice = refused(&[hand("A", 3, &[Vec3::ONE; 5]), hand("B", 6, &[Vec3::ONE * 1.1; 2])]);
+        assert!(
+            twice.contains("‘A’ and ‘B’") && twice.contains("frame 6") && twice.contains("0.17 m"),
+            "{twice}"
+        );
+        let jump = refused(&[hand("Door", 3, &[Vec3::ZERO, Vec3::X * 0.1, Vec3::X])]);
+        assert!(jump.contains("jumps by 0.90 m between frames 4 and 5"), "{jump}");
+        assert!(refused(&[hand("Door", 3, &[])]).contains("places nothing"));
+        assert!(refused(&[hand("Door", 3, &[Vec3::NAN])]).contains("not a number"));
+        let mut uneven = hand("Door", 3, &[Vec3::ZERO; 2]);
+        uneven.rotations.push(Quat::IDENTITY);
+        assert!(refused(&[uneven]).contains("2 positions, 1 rotations"));
+        // The same place twice, a soft wish beside a hard one: nothing to refuse.
+        let mut wish = hand("C", 3, &[Vec3::ZERO; 5]);
+        wish.soft = true;
+        check_constraints(&motion, &[hand("A", 3, &[Vec3::ONE; 5]), hand("B", 3, &[Vec3::ONE; 5]), wish])
+            .unwrap();
+    }
+
+    #[test]
+    fn reads_json_and_names_a_bone_that_is_none() {
+        let text = r#"{"name": "Pin", "joint": "LeftPaw", "first_frame": 3}"#;
+        let error = serde_json::from_str::<Constraint>(text).unwrap_err().to_string();
+        assert!(error.contains("no bone ‘LeftPaw’") && error.contains("LeftHand"), "{error}");
+        let text =
+            r#"{"name": "Pin", "joint": "Head", "first_frame": 3, "rotations": [[0.6, 0.8, 0.0, 0.0]]}"#;
+        let pin: Constraint = serde_json::from_str(text).unwrap();
+        assert_eq!(pin.rotations, [Quat::from_xyzw(0.8, 0.0, 0.0, 0.6)]);
+        assert_eq!(serde_json::from_str::<Constraint>(&serde_json::to_string(&pin).unwrap()).unwrap(), pin);
+    }
+}

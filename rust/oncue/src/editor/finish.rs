@@ -1,0 +1,516 @@
+//! The finishing pass: takes what the latent optimization leaves, by a smooth and damped correction.
+//!
+//! One least-squares problem over a whole span of frames, solved by Gauss-Newton steps: every frame's correction is
+//! damped, its second difference over time is damped too, and the terms (constraints, planted feet, floor, seat) pull at
+//! it. The balance of the two dampings makes a correction fade over [`SPREAD`] frames around what asks for it: never a
+//! snap, and where nothing asks it is zero. The paper has no such pass, and misses its constraints by centimetres.
+
+use glam::{Quat, Vec2, Vec3};
+
+use super::banded::BandedMatrix;
+use super::degrees::{Column, Degrees, Frame, carries};
+use super::touch::Surfaces;
+use crate::error::Result;
+use crate::math::rotation::{to_angle_axis, wrap_angle, yaw};
+use crate::motion::{Joint, Pose, Posture};
+use crate::progress::Progress;
+
+/// Frames over which a correction fades.
+pub const SPREAD: f64 = 7.0;
+/// Most Gauss-Newton steps.
+const STEPS: usize = 40;
+/// No σ is smaller at first than this share of the largest miss, and each step it is allowed to be this much smaller:
+/// a stiff valley is hard to follow from afar.
+const FIRST_SLACK: f64 = 0.1;
+const LESS_SLACK: f64 = 0.45;
+/// Slack that no longer matters.
+const NO_SLACK: f64 = 2e-5;
+/// Done when no number changes more (radians or metres), or when a step gains less than this share of the cost.
+const SETTLED: f64 = 2e-4;
+const GAINS: f64 = 1e-4;
+/// A single step turns no joint further, radians.
+const LARGEST_STEP: f64 = 0.5;
+/// 1/σ above which a row is no wish.
+const HARD: f64 = 300.0;
+/// σ of a body beyond its balance, metres.
+const FALLS: f32 = 2e-4;
+/// σ of a joint beyond its limit, radians.
+const LIMIT: f64 = 0.002;
+
+/// Something that one frame's posture should meet. σ is the miss that weighs as much as a joint turned by its ease.
+#[derive(Debug, Clone, Copy)]
+pub enum Term {
+    /// A point in a joint's frame is at a place; σ for each world axis, metres.
+    Point { joint: Joint, offset: Vec3, target: Vec3, sigma: Vec3 },
+    /// A joint is turned as given in the world; σ radians.
+    Turn { joint: Joint, target: Quat, sigma: f32 },
+    /// The root faces so; radians.
+    Facing { yaw: f32, sigma: f32 },
+    /// A point of a joint lies on the far side of a plane: normal·p ≥ least.
+    Plane { joint: Joint, offset: Vec3, normal: Vec3, least: f32, sigma: f32 },
+    /// The body's weight stays over a place on the floor, and no farther from it than `most`, metres.
+    Balance { target: Vec2, sigma: f32, most: f32 },
+    /// A joint's own rotation (relative to its parent) is as given; σ radians.
+    Local { joint: Joint, target: Quat, sigma: f32 },
+}
+
+/// Share of the body's weight that hangs on each joint (after Winter, Biomechanics and Motor Control of Human Movement,
+/// table 4.1; a segment's share is given to the joint nearest its middle).
+const WEIGHTS: [(Joint, f32); 11] = [
+    (Joint::Hips, 0.19),
+    (Joint::Spine1, 0.17),
+    (Joint::Spine2, 0.18),
+    (Joint::Head, 0.08),
+    (Joint::LeftForeArm, 0.05),
+    (Joint::RightForeArm, 0.05),
+    (Joint::LeftLeg, 0.125),
+    (Joint::RightLeg, 0.125),
+    (Joint::LeftFoot, 0.015),
+    (Joint::RightFoot, 0.015),
+    (Joint::Neck, 0.0),
+];
+
+/// Where the body's weight is, on the floor.
+pub fn centre_of_mass(pose: &Pose) -> Vec2 {
+    WEIGHTS.iter().map(|&(joint, share)| pose.position(joint).truncate() * share).sum()
+}
+
+/// A span of frames to be corrected.
+pub struct Span<'a> {
+    pub postures: &'a [Posture],
+    /// Whether the motion goes on before and after the span: the correction then starts and ends there without a kink.
+    pub joins: [bool; 2],
+    pub degrees: &'a Degrees,
+    /// For each frame.
+    pub terms: &'a [Vec<Term>],
+    /// What thighs and back of a seated body are kept out of, looked for anew at each step.
+    pub surfaces: Option<Surfaces<'a>>,
+    /// Frames over which a correction fades; [`SPREAD`], or 0 for each frame by itself.
+    pub spread: f64,
+}
+
+/// The corrected postures of a span.
+///
+/// # Errors
+/// `Cancelled`.
+pub fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
+    let (frames, n) = (span.postures.len(), span.degrees.count());
+    let ready: Vec<Frame> = span.postures.iter().map(|p| span.degrees.frame(p)).collect();
+    let mut x = vec![0.0f64; frames * n];
+    let mut system = System::new(span);
+    let mut damping = 0.0f64;
+    let mut terms = span.terms.to_vec();
+    for step in 0..STEPS {
+        progress.check()?;
+        if let Some(surfaces) = span.surfaces {
+            for (f, list) in terms.iter_mut().enumerate() {
+                list.truncate(span.terms[f].len());
+                surfaces.terms(&span.degrees.corrected(&ready[f], &x[f * n..(f + 1) * n]).pose(), list);
+            }
+        }
+        if step == 0 {
+            system.slack = FIRST_SLACK * system.largest_miss(span, &ready, &terms, &x);
+        }
+        let before = system.assemble(span, &ready, &terms, &x);
+        let mut settled = true;
+        loop {
+            progress.check()?;
+            let Some(step) = system.step(damping, n) else {
+                damping = (damping * 10.0).max(1e-2);
+                continue;
+            };
+            let tried: Vec<f64> = x.iter().zip(&step).map(|(x, s)| x + s).collect();
+            let after = system.cost(span, &ready, &terms, &tried);
+            if after <= before * (1.0 + 1e-9) {
+                let largest = step.iter().fold(0.0f64, |a, s| a.max(s.abs()));
+                settled = largest < SETTLED || (before - after < GAINS * before && largest < 50.0 * SETTLED);
+                x = tried;
+                damping = if damping < 1e-3 { 0.0 } else { damping * 0.1 };
+                break;
+            }
+            damping = (damping * 10.0).max(1e-2);
+            if damping > 1e8 {
+                break;
+            }
+        }
+        if settled && system.slack < NO_SLACK {
+            break;
+        }
+        system.slack = if system.slack < NO_SLACK { 0.0 } else { LESS_SLACK * system.slack };
+    }
+    Ok((0..frames).map(|f| span.degrees.corrected(&ready[f], &x[f * n..(f + 1) * n])).collect())
+}
+
+/// H·step = -g of the whole span.
+struct System {
+    stiffness: Vec<f64>,
+    hessian: BandedMatrix,
+    factor: BandedMatrix,
+    gradient: Vec<f64>,
+    smoothing: f64,
+    frames: usize,
+    /// The least σ that counts now, metres or radians.
+    slack: f64,
+}
+
+impl System {
+    fn new(span: &Span) -> Self {
+        let (frames, n) = (span.postures.len(), span.degrees.count());
+        let smoothing = span.spread.powi(4);
+        let band = if smoothing > 0.0 { 3 * n - 1 } else { n - 1 };
+        let hessian = BandedMatrix::zeros(frames * n, band.min(frames * n - 1));
+        Self {
+            stiffness: span.degrees.stiffness(),
+            factor: hessian.clone(),
+            hessian,
+            gradient: vec![0.0; frames * n],
+            smoothing,
+            frames,
+            slack: 0.0,
+        }
+    }
+
+    /// 1/σ of a row or a limit, as far as it counts now.
+    fn weight(&self, weight: f64) -> f64 {
+        1.0 / self.slack.max(1.0 / weight)
+    }
+
+    /// Of all rows that matter more than a wish, metres or radians.
+    fn largest_miss(&self, span: &Span, ready: &[Frame], terms: &[Vec<Term>], x: &[f64]) -> f64 {
+        let n = self.stiffness.len();
+        let mut largest = 0.0f64;
+        for (f, frame) in ready.iter().enumerate() {
+            let posture = span.degrees.corrected(frame, &x[f * n..(f + 1) * n]);
+            let pose = posture.pose();
+            for term in &terms[f] {
+                rows(term, &posture, &pose, |row| {
+                    if row.weight > HARD {
+                        largest = largest.max(row.miss.abs());
+                    }
+                });
+            }
+        }
+        largest
+    }
+
+    /// Second differences of frames `t-1, t, t+1`; beyond a joined end the correction is zero.
+    fn differences<'a>(&self, span: &'a Span) -> impl Iterator<Item = [Option<usize>; 3]> + use<'a> {
+        let (frames, smooth) = (self.frames as i64, self.smoothing > 0.0);
+        let inside = move |t: i64| (t >= 0 && t < frames).then_some(t as usize);
+        (-1..=frames).filter(move |_| smooth).filter_map(move |t| {
+            let window = [inside(t - 1), inside(t), inside(t + 1)];
+            let free = (t - 1 < 0 && !span.joins[0]) || (t + 1 >= frames && !span.joins[1]);
+            (!free && window.iter().any(Option::is_some)).then_some(window)
+        })
+    }
+
+    /// ½ of the sum of squares at `x`.
+    fn cost(&self, span: &Span, ready: &[Frame], terms: &[Vec<Term>], x: &[f64]) -> f64 {
+        let n = self.stiffness.len();
+        let mut sum = 0.0;
+        for (f, frame) in ready.iter().enumerate() {
+            let x = &x[f * n..(f + 1) * n];
+            sum += x.iter().zip(&self.stiffness).map(|(x, s)| s * x * x).sum::<f64>();
+            sum += span
+                .degrees
+                .beyond_limits(frame, x)
+                .map(|b| (b.over * self.weight(1.0 / LIMIT)).powi(2))
+                .sum::<f64>();
+            let pose = span.degrees.corrected(frame, x).pose();
+            let posture = &span.degrees.corrected(frame, x);
+            for term in &terms[f] {
+                rows(term, posture, &pose, |row| {
+                    sum += (row.miss * self.weight(row.weight)).powi(2);
+                });
+            }
+        }
+        for window in self.differences(span) {
+            for (i, stiffness) in self.stiffness.iter().enumerate() {
+                let d = second_difference(&window, x, n, i);
+                sum += self.smoothing * stiffness * d * d;
+            }
+        }
+        0.5 * sum
+    }
+
+    /// Fills H and g at `x`; gives the cost there.
+    fn assemble(&mut self, span: &Span, ready: &[Frame], terms: &[Vec<Term>], x: &[f64]) -> f64 {
+        let n = self.stiffness.len();
+        self.hessian.clear();
+        self.gradient.fill(0.0);
+        let (mut columns, mut row) = (Vec::new(), vec![0.0f64; n]);
+        let slack = self.slack;
+        for (f, frame) in ready.iter().enumerate() {
+            let (base, x) = (f * n, &x[f * n..(f + 1) * n]);
+            for (i, stiffness) in self.stiffness.iter().enumerate() {
+                *self.hessian.at(base + i, base + i) += stiffness;
+                self.gradient[base + i] += stiffness * x[i];
+            }
+            let limit = self.weight(1.0 / LIMIT);
+            for beyond in span.degrees.beyond_limits(frame, x) {
+                for i in 0..beyond.size {
+                    let scaled = beyond.direction[i] * limit * limit;
+                    self.gradient[base + beyond.first + i] += scaled * beyond.over;
+                    for j in 0..=i {
+                        let at = base + beyond.first;
+                        *self.hessian.at(at + i, at + j) += scaled * beyond.direction[j];
+                    }
+                }
+            }
+            let posture = span.degrees.corrected(frame, x);
+            let pose = posture.pose();
+            span.degrees.columns(frame, x, &pose, &mut columns);
+            for term in &terms[f] {
+                rows(term, &posture, &pose, |r| {
+                    r.derivative(&columns, &pose, &mut row);
+                    let weight = 1.0 / slack.max(1.0 / r.weight);
+                    let miss = r.miss * weight;
+                    for i in 0..n {
+                        if row[i] == 0.0 {
+                            continue;
+                        }
+                        let scaled = row[i] * weight;
+                        self.gradient[base + i] += scaled * miss;
+                        for (h, other) in self.hessian.row_from(base + i, base).iter_mut().zip(&row) {
+                            *h += scaled * weight * other;
+                        }
+                    }
+                });
+            }
+        }
+        for window in self.differences(span) {
+            for i in 0..n {
+                let weight = self.smoothing * self.stiffness[i];
+                let d = second_difference(&window, x, n, i);
+                for (a, ca) in window.iter().zip(DIFFERENCE) {
+                    let Some(a) = a else { continue };
+                    self.gradient[a * n + i] += weight * ca * d;
+                    for (b, cb) in window.iter().zip(DIFFERENCE) {
+                        let Some(b) = b else { continue };
+                        if b <= a {
+                            *self.hessian.at(a * n + i, b * n + i) += weight * ca * cb;
+                        }
+                    }
+                }
+            }
+        }
+        self.cost(span, ready, terms, x)
+    }
+
+    /// The step for a damping of `damping` times the stiffness, no longer than [`LARGEST_STEP`] in any number.
+    fn step(&mut self, damping: f64, n: usize) -> Option<Vec<f64>> {
+        self.factor.clone_from(&self.hessian);
+        for i in 0..self.gradient.len() {
+            *self.factor.at(i, i) += damping * self.stiffness[i % n];
+        }
+        if !self.factor.factorize() {
+            return None;
+        }
+        let mut step: Vec<f64> = self.gradient.iter().map(|g| -g).collect();
+        self.factor.solve(&mut step);
+        let largest = step.iter().fold(0.0f64, |a, s| a.max(s.abs()));
+        if largest > LARGEST_STEP {
+            step.iter_mut().for_each(|s| *s *= LARGEST_STEP / largest);
+        }
+        Some(step)
+    }
+}
+
+const DIFFERENCE: [f64; 3] = [1.0, -2.0, 1.0];
+
+fn second_difference(window: &[Option<usize>; 3], x: &[f64], n: usize, i: usize) -> f64 {
+    window.iter().zip(DIFFERENCE).filter_map(|(t, c)| t.map(|t| c * x[t * n + i])).sum()
+}
+
+/// One number that should be zero.
+struct Row {
+    miss: f64,
+    /// 1/σ.
+    weight: f64,
+    moved: Moved,
+}
+
+/// How a row changes with the columns.
+enum Moved {
+    /// `direction`·(a point of `joint` at `point`).
+    Point { joint: usize, point: Vec3, direction: Vec3 },
+    /// `direction`·(the world rotation vector of `joint`).
+    Turn { joint: usize, direction: Vec3 },
+    /// `direction`·(the rotation of `joint` over its parent's, in the world).
+    Own { joint: usize, direction: Vec3 },
+    /// `direction`·(the centre of mass).
+    Mass { direction: Vec3 },
+}
+
+impl Row {
+    fn derivative(&self, columns: &[Column], pose: &Pose, out: &mut [f64]) {
+        let lever = |column: &Column, joint: usize, point: Vec3, direction: Vec3| {
+            if column.shifts {
+                direction.dot(column.axis)
+            } else if carries(column.joint, joint) {
+                direction.dot(column.axis.cross(point - pose.positions[column.joint]))
+            } else {
+                0.0
+            }
+        };
+        for (out, column) in out.iter_mut().zip(columns) {
+            *out = f64::from(match self.moved {
+                Moved::Point { joint, point, direction } => lever(column, joint, point, direction),
+                Moved::Turn { joint, direction } => {
+                    let turns = !column.shifts && carries(column.joint, joint);
+                    if turns { direction.dot(column.axis) } else { 0.0 }
+                }
+                Moved::Own { joint, direction } => {
+                    let turns = !column.shifts && column.joint == joint;
+                    if turns { direction.dot(column.axis) } else { 0.0 }
+                }
+                Moved::Mass { direction } => WEIGHTS
+                    .iter()
+                    .map(|&(j, share)| share * lever(column, j.index(), pose.position(j), direction))
+                    .sum(),
+            });
+        }
+    }
+}
+
+fn rows(term: &Term, posture: &Posture, pose: &Pose, mut give: impl FnMut(Row)) {
+    let row = |miss: f32, sigma: f32, moved: Moved| Row {
+        miss: f64::from(miss),
+        weight: 1.0 / f64::from(sigma.max(1e-5)),
+        moved,
+    };
+    match *term {
+        Term::Point { joint, offset, target, sigma } => {
+            let point = pose.position(joint) + pose.rotation(joint) * offset;
+            for (axis, direction) in Vec3::AXES.into_iter().enumerate() {
+                let moved = Moved::Point { joint: joint.index(), point, direction };
+                give(row((point - target)[axis], sigma[axis], moved));
+            }
+        }
+        Term::Turn { joint, target, sigma } => {
+            let miss = to_angle_axis(pose.rotation(joint) * target.inverse());
+            for (axis, direction) in Vec3::AXES.into_iter().enumerate() {
+                give(row(miss[axis], sigma, Moved::Turn { joint: joint.index(), direction }));
+            }
+        }
+        Term::Local { joint, target, sigma } => {
+            // In the world, seen over the parent: W_p·r·r*⁻¹·W_p⁻¹.
+            let own = posture.rotations[joint.index()];
+            let parent = pose.rotation(joint) * own.inverse();
+            let miss = parent * to_angle_axis(own * target.inverse());
+            for (axis, direction) in Vec3::AXES.into_iter().enumerate() {
+                give(row(miss[axis], sigma, Moved::Own { joint: joint.index(), direction }));
+            }
+        }
+        Term::Facing { yaw: target, sigma } => {
+            let q = pose.rotation(Joint::Hips);
+            // d yaw for a rotation vector ω of the world: yaw = 2·atan2(z, w), dq = ½ (0, ω)·q.
+            let across = (q.w * q.w + q.z * q.z).max(1e-6);
+            let dz = Vec3::new(q.y, -q.x, q.w) * 0.5;
+            let dw = -Vec3::new(q.x, q.y, q.z) * 0.5;
+            let direction = (dz * q.w - dw * q.z) * (2.0 / across);
+            give(row(wrap_angle(yaw(q) - target), sigma, Moved::Turn { joint: 0, direction }));
+        }
+        Term::Plane { joint, offset, normal, least, sigma } => {
+            let point = pose.position(joint) + pose.rotation(joint) * offset;
+            let miss = normal.dot(point) - least;
+            if miss < 0.0 {
+                give(row(miss, sigma, Moved::Point { joint: joint.index(), point, direction: normal }));
+            }
+        }
+        Term::Balance { target, sigma, most } => {
+            let miss = centre_of_mass(pose) - target;
+            let over = miss.length() - most;
+            if over > 0.0 {
+                let direction = (miss / miss.length()).extend(0.0);
+                give(row(over, FALLS, Moved::Mass { direction }));
+            }
+            give(row(miss.x, sigma, Moved::Mass { direction: Vec3::X }));
+            give(row(miss.y, sigma, Moved::Mass { direction: Vec3::Y }));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rotation::from_angle_axis;
+    use proptest::prelude::*;
+
+    fn bent(seed: &[f32]) -> Posture {
+        let mut posture = Posture::default();
+        for (rotation, v) in posture.rotations.iter_mut().zip(seed.chunks_exact(3)) {
+            *rotation = from_angle_axis(Vec3::new(v[0], v[1], v[2]));
+        }
+        posture
+    }
+
+    proptest! {
+        #[test]
+        fn the_gradient_is_that_of_the_cost(seed in prop::collection::vec(-0.4f32..0.4, 66), x in prop::collection::vec(-0.1f64..0.1, 200)) {
+            // Hinges well within their limits, so that no finite difference crosses one.
+            let mut posture = bent(&seed);
+            for (joint, bend) in [(Joint::LeftLeg, 0.8), (Joint::RightLeg, 0.8), (Joint::LeftToe, -0.3), (Joint::RightToe, -0.3)] {
+                posture.rotations[joint.index()] = Quat::from_rotation_x(bend);
+            }
+            posture.rotations[Joint::RightForeArm.index()] = Quat::from_rotation_z(0.8);
+            posture.rotations[Joint::LeftForeArm.index()] = Quat::from_rotation_z(-0.8);
+            let postures = [posture; 3];
+            let degrees = Degrees::for_joints(&[Joint::RightHand], &[]);
+            let hand = Joint::RightHand;
+            let terms = vec![vec![
+                Term::Point { joint: hand, offset: Vec3::X * 0.1, target: Vec3::new(-0.3, -0.3, 1.2), sigma: Vec3::new(0.1, 0.2, 0.3) },
+                Term::Facing { yaw: 0.3, sigma: 0.2 },
+                Term::Plane { joint: Joint::LeftFoot, offset: Vec3::ZERO, normal: Vec3::Z, least: 1.2, sigma: 0.1 },
+                Term::Balance { target: Vec2::new(0.2, 0.1), sigma: 0.2, most: 9.0 },
+            ]; 3];
+            let span = Span { postures: &postures, joins: [true, false], degrees: &degrees, terms: &terms, surfaces: None, spread: 1.5 };
+            let ready: Vec<Frame> = postures.iter().map(|p| degrees.frame(p)).collect();
+            let mut system = System::new(&span);
+            let x: Vec<f64> = (0..3 * degrees.count()).map(|i| x[i % x.len()]).collect();
+            let cost = system.assemble(&span, &ready, &terms, &x);
+            prop_assert!((cost - system.cost(&span, &ready, &terms, &x)).abs() < 1e-9);
+            for i in 0..x.len() {
+                let h = 2e-3;
+                let at = |h: f64| {
+                    let mut moved = x.clone();
+                    moved[i] += h;
+                    system.cost(&span, &ready, &terms, &moved)
+                };
+                let numeric = (at(h) - at(-h)) / (2.0 * h);
+                prop_assert!((numeric - system.gradient[i]).abs() < 0.02 * (1.0 + numeric.abs()), "{i}: {numeric} {}", system.gradient[i]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_single_pin_is_met_and_fades_away() {
+        let postures = vec![Posture::default(); 61];
+        let degrees = Degrees::for_joints(&[Joint::LeftHand], &[]);
+        let start = postures[0].pose().position(Joint::LeftHand);
+        let target = start + Vec3::new(-0.25, -0.2, -0.1);
+        let mut terms = vec![Vec::new(); 61];
+        terms[30].push(Term::Point {
+            joint: Joint::LeftHand,
+            offset: Vec3::ZERO,
+            target,
+            sigma: Vec3::splat(3e-4),
+        });
+        let span = Span {
+            postures: &postures,
+            joins: [true; 2],
+            degrees: &degrees,
+            terms: &terms,
+            surfaces: None,
+            spread: SPREAD,
+        };
+        let out = correct(&span, &Progress::new()).expect("a correction");
+        let hands: Vec<Vec3> = out.iter().map(|p| p.pose().position(Joint::LeftHand)).collect();
+        assert!(hands[30].distance(target) < 1e-3, "{}", hands[30].distance(target));
+        assert!(hands[0].distance(start) < 0.01 && hands[60].distance(start) < 0.01);
+        for f in 1..60 {
+            let bend = hands[f - 1] + hands[f + 1] - 2.0 * hands[f];
+            assert!(bend.length() < 0.02, "frame {f} snaps: {}", bend.length());
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! Hands along their cues φ_M (LAMA, section 3.6; supplementary, "Further Implementation Details for Manipulation").
+//!
+//! Where a cue's range lies in a part in which the person stands or sits still, the motion is lengthened by holding the
+//! target frame for the τ frames of the path, as the paper has it. On the way (a rail, a wall) the motion keeps its
+//! length. The reach and the return take longer the farther the hand has to go.
+
+use std::ops::Range;
+
+use glam::Vec3;
+use serde::{Deserialize, Serialize};
+
+use super::constraint::{Constraint, check_path};
+use super::edit::{EditFigures, reach_frames};
+use super::feet::is_supported;
+use super::latent::Decoder;
+use super::resolve::{Wishes, resolve};
+use crate::cue::{ActionType, Hand, ManipulationCue, Task};
+use crate::error::{Error, Result};
+use crate::math::planar::rotate;
+use crate::motion::{Joint, Motion};
+use crate::progress::Progress;
+use crate::scene::SceneIndex;
+use crate::settings::EditorSettings;
+
+/// Two hands keep this far apart, metres.
+const APART: f32 = 0.20;
+/// The root of a person who stands or sits still moves less than this a frame, metres.
+const STILL: f32 = 0.004;
+/// No hand gets farther from the pelvis than this, metres: a trunk and an arm, stretched.
+const FARTHEST: f32 = 1.25;
+
+/// Where a cue's path came to lie in the motion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ManipulationFigures {
+    pub name: String,
+    /// Frame (30 Hz) on which the hand is at the path's first place, and how many the path has.
+    pub first_frame: usize,
+    pub frames: usize,
+}
+
+/// A motion whose hands follow their cues.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Manipulated {
+    pub motion: Motion,
+    pub cues: Vec<ManipulationFigures>,
+    pub figures: EditFigures,
+}
+
+/// What can be said of a task's manipulation cues before there is a motion.
+///
+/// # Errors
+/// `Input` for a path that is empty, jumps or is no place; `Unreachable` for one that no hand can reach from where
+/// the action ends, by how much.
+pub fn check_manipulations(task: &Task) -> Result<()> {
+    for cue in &task.manipulations {
+        check_cue(cue)?;
+        if cue.first_frame.is_some() {
+            continue;
+        }
+        let pelvis = match task.cue.action_type {
+            ActionType::Sit => task.cue.position,
+            _ => task.cue.position.with_z(task.start.position.z + 0.93),
+        };
+        // Of a stop only the place on the floor is sure: who stands bends to what lies low.
+        let far = cue.path.iter().map(|p| p.distance(pelvis)).fold(0.0, f32::max);
+        if far > FARTHEST {
+            return Err(Error::Unreachable(format!(
+                "‘{}’ lies up to {far:.2} m from where ‘{}’ puts the pelvis, {:.2} m farther than a hand gets; move one \
+                 towards the other.",
+                cue.name,
+                task.cue.name,
+                far - FARTHEST
+            )));
+        }
+    }
+    Ok(())
+}
+
+fn check_cue(cue: &ManipulationCue) -> Result<()> {
+    if cue.path.is_empty() {
+        return Err(Error::input(format!("‘{}’ has no path: give it at least one frame.", cue.name)));
+    }
+    if !cue.path.iter().all(|p| p.is_finite()) {
+        return Err(Error::input(format!("‘{}’ has a place that is not a number.", cue.name)));
+    }
+    check_path(&cue.name, cue.first_frame.unwrap_or_default(), &cue.path)
+}
+
+/// Carries the hands of `motion` along `cues`.
+///
+/// # Errors
+/// `Input` for a path that is empty or jumps, a range outside the motion, or two paths for one hand; `Unreachable`, by how
+/// much and which way; `Cancelled`.
+pub fn manipulate<D: Decoder>(
+    decoder: Option<&D>,
+    motion: &Motion,
+    cues: &[ManipulationCue],
+    scene: Option<&SceneIndex>,
+    floor: f32,
+    settings: &EditorSettings,
+    progress: &Progress,
+) -> Result<Manipulated> {
+    let (motion, placed) = place(motion, cues, floor, settings)?;
+    let constraints: Vec<Constraint> =
+        placed.iter().flat_map(|&(first, cue)| constraints(&motion, first, cue)).collect();
+    let wishes = Wishes { constraints: &constraints, keys: &[], scene, floor };
+    let edited = resolve(decoder, &motion, &wishes, settings, progress)?;
+    let cues = placed
+        .iter()
+        .map(|(first, cue)| ManipulationFigures {
+            name: cue.name.clone(),
+            first_frame: *first,
+            frames: cue.path.len(),
+        })
+        .collect();
+    Ok(Manipulated { motion: edited.motion, cues, figures: edited.figures })
+}
+
+/// The motion as long as its cue needs it, and what the cue asks of it: what another editor would begin with.
+///
+/// # Errors
+/// As [`manipulate`].
+pub fn lengthened(
+    motion: &Motion,
+    cue: &ManipulationCue,
+    floor: f32,
+    settings: &EditorSettings,
+) -> Result<(Motion, Vec<Constraint>)> {
+    let (motion, placed) = place(motion, std::slice::from_ref(cue), floor, settings)?;
+    let constraints = placed.iter().flat_map(|&(first, cue)| constraints(&motion, first, cue)).collect();
+    Ok((motion, constraints))
+}
+
+/// Lengthens the motion and gives each cue its first frame.
+fn place<'a>(
+    motion: &Motion,
+    cues: &'a [ManipulationCue],
+    floor: f32,
+    settings: &EditorSettings,
+) -> Result<(Motion, Vec<(usize, &'a ManipulationCue)>)> {
+    cues.iter().try_for_each(check_cue)?;
+    let mut motion = motion.clone();
+    let mut placed: Vec<(usize, &ManipulationCue)> = Vec::new();
+    let mut held: Range<usize> = 0..0;
+    let mut timed: Vec<&ManipulationCue> = cues.iter().filter(|c| c.first_frame.is_some()).collect();
+    timed.sort_by_key(|c| c.first_frame);
+    for cue in timed {
+        let first = cue.first_frame.unwrap_or_default();
+        let end = first + cue.path.len();
+        let outside = || {
+            Error::input(format!(
+                "‘{}’ runs from frame {first} to {}, and the motion has frames 0 to {}; move its range.",
+                cue.name,
+                end - 1,
+                motion.len().saturating_sub(1)
+            ))
+        };
+        if first >= motion.len() {
+            return Err(outside());
+        }
+        if held.contains(&first) {
+            // Within a hold already: that goes on for as long as this path needs it.
+            let more = end.saturating_sub(held.end);
+            hold(&mut motion, held.end - 1, more);
+            held.end += more;
+        } else if is_still(&motion, first, floor) {
+            hold(&mut motion, first, cue.path.len());
+            held = first..end;
+        } else if end > motion.len() {
+            return Err(outside());
+        }
+        placed.push((first, cue));
+    }
+    for cue in cues.iter().filter(|c| c.first_frame.is_none()) {
+        let Some(last) = motion.len().checked_sub(1) else { continue };
+        let pose = motion.postures[last].pose();
+        let away =
+            |p: Vec3| joints(cue.hand).iter().map(|&j| pose.position(j).distance(p)).fold(0.0, f32::max);
+        let reach = reach_frames(away(cue.path[0]), settings);
+        let back = reach_frames(away(cue.path[cue.path.len() - 1]), settings);
+        hold(&mut motion, last, reach + cue.path.len() + back);
+        placed.push((last + reach, cue));
+    }
+    Ok((motion, placed))
+}
+
+fn joints(hand: Hand) -> &'static [Joint] {
+    match hand {
+        Hand::Left => &Joint::HANDS[..1],
+        Hand::Right => &Joint::HANDS[1..],
+        Hand::Both => &Joint::HANDS,
+    }
+}
+
+fn constraints(motion: &Motion, first: usize, cue: &ManipulationCue) -> Vec<Constraint> {
+    let to_left = rotate(motion.postures[first].planar().yaw, glam::Vec2::X).extend(0.0);
+    joints(cue.hand)
+        .iter()
+        .map(|&joint| {
+            let side = match (cue.hand, joint) {
+                (Hand::Both, Joint::LeftHand) => 0.5 * APART,
+                (Hand::Both, _) => -0.5 * APART,
+                _ => 0.0,
+            };
+            let path = cue.path.iter().map(|p| *p + to_left * side).collect();
+            Constraint::positions(&cue.name, joint, first, path)
+        })
+        .collect()
+}
+
+/// Whether the person stands or sits still around `frame`.
+fn is_still(motion: &Motion, frame: usize, floor: f32) -> bool {
+    let root = |f: usize| motion.postures[f.min(motion.len() - 1)].root_position;
+    let (before, after) = (root(frame.saturating_sub(3)), root(frame + 3));
+    let stands = motion.contacts[frame].iter().all(|&c| c >= 1.0);
+    let carried = stands || is_supported(&motion.postures[frame].pose(), floor);
+    carried && before.distance(after) < 6.0 * STILL
+}
+
+/// Repeats `frame` `count` times after itself.
+fn hold(motion: &mut Motion, frame: usize, count: usize) {
+    let (posture, contact) = (motion.postures[frame], motion.contacts[frame]);
+    motion.postures.splice(frame..frame, std::iter::repeat_n(posture, count));
+    motion.contacts.splice(frame..frame, std::iter::repeat_n(contact, count));
+}

@@ -1,0 +1,360 @@
+//! The seat fit: pelvis at q_root and r_root, feet on their cues or flat on the floor, thighs on the seat and not in it,
+//! the back before the backrest (LAMA, sections 3.6 and 4.3).
+//!
+//! A foot that has to stand elsewhere does so from its last step on, as far as the leg reaches from the standing body;
+//! what is left is a small step of the seated person. The paper leaves the feet out of its edit and misses them by
+//! 20 to 40 cm.
+
+use glam::{Quat, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
+
+use super::constraint::Constraint;
+use super::edit::{Edit, EditFigures, Edited};
+use super::feet::FootPlan;
+use super::finish::{Span, correct};
+use super::latent::Decoder;
+use super::touch::Surfaces;
+use crate::cue::ActionCue;
+use crate::error::{Error, Result};
+use crate::library::foot::LEGS;
+use crate::math::rotation::{to_angle_axis, wrap_angle, yaw};
+use crate::motion::skeleton::{ANKLE_HEIGHT, JOINT_OFFSET, LEG_LENGTH};
+use crate::motion::{FRAME_RATE, Joint, Motion, Pose};
+use crate::progress::Progress;
+use crate::scene::SceneIndex;
+use crate::settings::EditorSettings;
+
+/// A pelvis farther from its cue than this is not fitted, metres.
+const FARTHEST: f32 = 0.45;
+/// Longest a leg gets, as a share of its length.
+const LONGEST_LEG: f32 = 0.985;
+/// A foot that stands this near its place is not moved, metres.
+const STANDS: f32 = 0.004;
+/// Seconds of a seated step, and between the two feet's.
+const STEP_SECONDS: f32 = 0.6;
+const STEP_APART: f32 = 0.35;
+/// How high a seated step lifts the foot, metres, and for each metre of its way.
+const STEP_LIFT: (f32, f32) = (0.02, 0.10);
+
+/// How a seated person sits, on the motion's last frame unless said otherwise.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct SeatFigures {
+    /// Pelvis joint to q_root, cm, and facing to r_root, degrees: the worst of the seated frames.
+    pub pelvis_cm: f32,
+    pub facing_degrees: f32,
+    /// Ankle to each given foot cue, cm.
+    pub feet_cm: [Option<f32>; 2],
+    /// How far each sole is from flat, degrees.
+    pub sole_degrees: [f32; 2],
+    /// The feet hang: the seat is too high for them to stand.
+    pub hanging: [bool; 2],
+    /// Deepest that a thigh is in the seat and the back in the backrest, cm, of the seated frames.
+    pub thigh_cm: f32,
+    pub back_cm: f32,
+}
+
+/// A fitted motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SeatFit {
+    pub motion: Motion,
+    pub figures: EditFigures,
+    pub seat: SeatFigures,
+}
+
+/// A sit to be fitted.
+pub struct Seat<'a> {
+    /// Walks and sits down.
+    pub motion: &'a Motion,
+    pub cue: &'a ActionCue,
+    /// The frame at which the person is seated.
+    pub complete: usize,
+    pub scene: Option<&'a SceneIndex>,
+    /// World height of the floor, metres.
+    pub floor: f32,
+    pub settings: &'a EditorSettings,
+}
+
+impl Seat<'_> {
+    /// Fits the motion to the seat.
+    ///
+    /// # Errors
+    /// `Unreachable` where a foot cue or the pelvis's place is out of reach, by how much and which way; `Cancelled`.
+    pub fn fit<D: Decoder>(&self, decoder: Option<&D>, progress: &Progress) -> Result<SeatFit> {
+        progress.stage("Fitting the seat");
+        self.check()?;
+        let mut motion = self.motion.clone();
+        let settled = self.settle(&motion, progress)?;
+        let (plan, contacts) = self.plan_feet(&mut motion, &settled);
+        motion.contacts = contacts;
+        let mut constraints = vec![self.pelvis(motion.len())];
+        for (side, cue) in self.cue.feet.iter().enumerate() {
+            let Some(foot) = cue.filter(|_| !settled.hangs[side]) else { continue };
+            let last = motion.len() - 1;
+            let name = format!("{}: {} foot", self.cue.name, ["left", "right"][side]);
+            let ankle = foot + Vec3::Z * ANKLE_HEIGHT;
+            constraints.push(Constraint::positions(&name, Joint::FEET[side], last, vec![ankle]));
+        }
+        let mut edit = Edit::new(&motion, &constraints, self.floor, self.settings);
+        // Feet that stand elsewhere do so from their last step on.
+        let moved = (0..motion.len())
+            .find(|&f| (0..2).any(|s| plan.feet[f][s].ankle.distance(edit.feet.feet[f][s].ankle) > STANDS));
+        let lead = (self.settings.blend_seconds * FRAME_RATE) as usize / 2;
+        edit.span.start = edit.span.start.min(moved.map_or(usize::MAX, |f| f.saturating_sub(lead)));
+        edit.feet = plan;
+        edit.surfaces = self.surfaces();
+        edit.check_reach(&constraints, progress)?;
+        let Edited { motion, figures } = edit.run(decoder, progress)?;
+        let seat = self.figures(&motion, settled.hangs);
+        Ok(SeatFit { motion, figures, seat })
+    }
+
+    fn check(&self) -> Result<()> {
+        let seated = self.motion.postures.get(self.complete).ok_or_else(|| {
+            Error::input(format!("The motion ends before anyone sits at ‘{}’.", self.cue.name))
+        })?;
+        let away = seated.root_position.distance(self.cue.position);
+        if away > FARTHEST {
+            return Err(Error::Unreachable(format!(
+                "The motion sits down {away:.2} m from ‘{}’; at most {FARTHEST:.2} m can be fitted. Synthesize it anew.",
+                self.cue.name
+            )));
+        }
+        Ok(())
+    }
+
+    /// Pelvis at q_root, facing as r_root, from the moment the person is seated.
+    fn pelvis(&self, frames: usize) -> Constraint {
+        let count = frames.saturating_sub(self.complete).max(1);
+        Constraint {
+            facings: vec![self.cue.yaw; count],
+            ..Constraint::positions(
+                &self.cue.name,
+                Joint::Hips,
+                self.complete,
+                vec![self.cue.position; count],
+            )
+        }
+    }
+
+    /// Where the feet of the seated person end up.
+    fn settle(&self, motion: &Motion, progress: &Progress) -> Result<Settled> {
+        let last = motion.len() - 1;
+        let seated = FootPlan::of(motion).feet[last];
+        let mut feet = [0, 1].map(|side| {
+            let foot = &seated[side];
+            let turn = Quat::from_rotation_z(yaw(foot.turn));
+            let ankle = match self.cue.feet[side] {
+                Some(place) => place + Vec3::Z * ANKLE_HEIGHT,
+                None => {
+                    // Flat about its own toes.
+                    let toe = Vec3::new(foot.toe.x, foot.toe.y, self.floor + ANKLE_HEIGHT);
+                    toe - (turn * JOINT_OFFSET[LEGS[side][3].index()]).with_z(0.0)
+                }
+            };
+            Place { ankle, turn }
+        });
+        // Does the leg get there with the thigh on the seat? Tried on the last frame alone.
+        let pelvis = [self.pelvis(motion.len())];
+        let mut edit = Edit::new(motion, &pelvis, self.floor, self.settings);
+        for (foot, place) in edit.feet.feet[last].iter_mut().zip(&feet) {
+            foot.ankle = place.ankle;
+            foot.turn = place.turn;
+            foot.toe_turn = place.turn;
+            foot.planted = false;
+            foot.sigma = 1e-3;
+        }
+        let postures = [motion.postures[last]];
+        let terms = [edit.terms(last)];
+        let degrees = edit.degrees();
+        let span = Span {
+            postures: &postures,
+            joins: [false; 2],
+            degrees: &degrees,
+            terms: &terms,
+            surfaces: self.surfaces(),
+            spread: 0.0,
+        };
+        let pose = correct(&span, progress)?[0].pose();
+        let hangs = [0, 1].map(|side| {
+            let own = self.cue.feet[side].is_none();
+            own && pose.position(LEGS[side][2]).distance(feet[side].ankle) > 0.01
+                || own && self.surfaces().is_some_and(|s| s.thigh_depth(&pose, side) > 0.015)
+        });
+        for side in 0..2 {
+            if hangs[side] {
+                // As near the floor as the thigh on the seat lets it come.
+                let hip = pose.position(LEGS[side][0]);
+                let ahead = self.cue.planar().forward().extend(0.0);
+                let knee = hip + ahead * (0.95 * LEG_LENGTH);
+                feet[side].ankle = knee - Vec3::Z * (0.97 * LEG_LENGTH) + ahead * 0.05;
+                feet[side].ankle.z = feet[side].ankle.z.max(self.floor + ANKLE_HEIGHT);
+            }
+        }
+        Ok(Settled { feet, hangs })
+    }
+
+    /// The feet of every frame; the motion is lengthened where a seated step needs the time.
+    fn plan_feet(&self, motion: &mut Motion, settled: &Settled) -> (FootPlan, Vec<[f32; 2]>) {
+        let mut left = [Vec2::ZERO; 2];
+        let mut plan = FootPlan::of(motion);
+        for side in 0..2 {
+            let place = &settled.feet[side];
+            let seated = plan.feet[motion.len() - 1][side];
+            let shift = (place.ankle - seated.ankle).truncate();
+            if settled.hangs[side] || shift.length() < STANDS {
+                continue;
+            }
+            let share = self.share_before_sitting(motion, &plan, side, shift);
+            left[side] = shift * (1.0 - share);
+            self.shift_last_plant(&mut plan, side, shift * share);
+        }
+        let mut contacts = motion.contacts.clone();
+        // The rest is a step of the seated person, the foot with the longer way first.
+        let order = if left[0].length() >= left[1].length() { [0, 1] } else { [1, 0] };
+        let steps = (STEP_SECONDS * FRAME_RATE) as usize;
+        let mut next = self.complete + 2;
+        for side in order {
+            let last = plan.feet.len() - 1;
+            let from = plan.feet[last][side];
+            let place = &settled.feet[side];
+            let lifts = place.ankle.truncate().distance(from.ankle.truncate()) > 0.02 || settled.hangs[side];
+            // Feet that will hang leave the floor while the seat takes the weight.
+            let begin = if settled.hangs[side] { self.complete.saturating_sub(steps * 2 / 3) } else { next };
+            let end = begin + steps;
+            while plan.feet.len() < end + 4 {
+                hold(motion, &mut plan, &mut contacts);
+            }
+            let reached = place.ankle.distance(from.ankle);
+            let height = if lifts { STEP_LIFT.0 + STEP_LIFT.1 * reached } else { 0.0 };
+            let toe = JOINT_OFFSET[LEGS[side][3].index()];
+            let first = plan.feet[begin][side];
+            for frame in begin..plan.feet.len() {
+                let t = ((frame - begin) as f32 / steps as f32).clamp(0.0, 1.0);
+                let eased = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
+                let foot = &mut plan.feet[frame][side];
+                let arc = height * 16.0 * t * t * (1.0 - t) * (1.0 - t);
+                foot.ankle = first.ankle.lerp(place.ankle, eased) + Vec3::Z * arc;
+                foot.turn = first.turn.slerp(same_side(first.turn, place.turn), eased);
+                foot.toe_turn = first.toe_turn.slerp(same_side(first.toe_turn, place.turn), eased);
+                foot.toe = foot.ankle + foot.turn * toe;
+                foot.sigma = if settled.hangs[side] { 0.05 } else { 1e-3 };
+                let stands = (t == 0.0 || t == 1.0) && !settled.hangs[side];
+                foot.planted = stands || (!lifts && !settled.hangs[side]);
+                if lifts {
+                    contacts[frame][side] = if stands { 1.0 } else { 0.0 };
+                }
+            }
+            if lifts && !settled.hangs[side] {
+                next += (STEP_APART * FRAME_RATE) as usize;
+            }
+        }
+        (plan, contacts)
+    }
+
+    /// How much of a foot's shift its last plant takes: as much as the leg reaches while the body still stands.
+    fn share_before_sitting(&self, motion: &Motion, plan: &FootPlan, side: usize, shift: Vec2) -> f32 {
+        let Some(swing) = plan.last_swing(side, self.complete) else { return 0.0 };
+        let stands = swing.end..self.complete;
+        if stands.is_empty() || swing.start == 0 {
+            return 0.0;
+        }
+        let longest = 2.0 * LEG_LENGTH * LONGEST_LEG;
+        let reaches = |share: f32| {
+            stands.clone().all(|frame| {
+                let hip = motion.postures[frame].pose().position(LEGS[side][0]);
+                let foot = &plan.feet[frame][side];
+                let own = hip.distance(foot.ankle);
+                let ankle = foot.ankle + (shift * share).extend(0.0);
+                hip.distance(ankle) <= longest.max(own)
+                    && self.is_free(motion, frame, side, ankle - foot.ankle)
+            })
+        };
+        [1.0, 0.75, 0.5, 0.25].into_iter().find(|&share| reaches(share)).unwrap_or(0.0)
+    }
+
+    /// Whether the foot and shin, moved by `shift`, cross nothing that they did not cross before.
+    fn is_free(&self, motion: &Motion, frame: usize, side: usize, shift: Vec3) -> bool {
+        let Some(scene) = self.scene else { return true };
+        let pose = motion.postures[frame].pose();
+        let above = self.floor + 0.05;
+        let mut moved = pose;
+        for joint in [LEGS[side][1], LEGS[side][2], LEGS[side][3]] {
+            let share = if joint == LEGS[side][1] { 0.5 } else { 1.0 };
+            moved.positions[joint.index()] += shift * share;
+        }
+        // Shin and foot, in the order of the box nodes.
+        let legs = |pose: &Pose| -> u32 {
+            let counts = scene.body_intersections(pose, above);
+            counts[2 * side + 1] + counts[8 + side]
+        };
+        legs(&moved) <= legs(&pose)
+    }
+
+    /// From the last swing on a foot stands `shift` from where it stood.
+    fn shift_last_plant(&self, plan: &mut FootPlan, side: usize, shift: Vec2) {
+        let Some(swing) = plan.last_swing(side, self.complete) else { return };
+        for frame in swing.start..plan.feet.len() {
+            let t = ((frame + 1 - swing.start) as f32 / (swing.len() + 1) as f32).min(1.0);
+            let moved = (shift * (t * t * (3.0 - 2.0 * t))).extend(0.0);
+            let foot = &mut plan.feet[frame][side];
+            foot.ankle += moved;
+            foot.toe += moved;
+            foot.sigma = foot.sigma.min(0.01);
+        }
+    }
+
+    fn surfaces(&self) -> Option<Surfaces<'_>> {
+        self.scene.map(|scene| Surfaces { scene, floor: self.floor })
+    }
+
+    /// How the person sits in `motion`.
+    pub fn figures(&self, motion: &Motion, hanging: [bool; 2]) -> SeatFigures {
+        let mut out = SeatFigures { hanging, ..Default::default() };
+        let Some(last) = motion.postures.last() else { return out };
+        for posture in motion.postures.iter().skip(self.complete) {
+            let pose = posture.pose();
+            out.pelvis_cm = out.pelvis_cm.max(100.0 * posture.root_position.distance(self.cue.position));
+            let facing = wrap_angle(posture.planar().yaw - self.cue.yaw).abs();
+            out.facing_degrees = out.facing_degrees.max(facing.to_degrees());
+            if let Some(surfaces) = self.surfaces() {
+                let thigh = surfaces.thigh_depth(&pose, 0).max(surfaces.thigh_depth(&pose, 1));
+                out.thigh_cm = out.thigh_cm.max(100.0 * thigh);
+                out.back_cm = out.back_cm.max(100.0 * surfaces.back_depth(&pose));
+            }
+        }
+        let pose = last.pose();
+        for side in 0..2 {
+            let foot = LEGS[side][2];
+            let ankle = pose.position(foot);
+            out.feet_cm[side] =
+                self.cue.feet[side].map(|f| 100.0 * (f + Vec3::Z * ANKLE_HEIGHT).distance(ankle));
+            let turn = pose.rotation(foot);
+            let tilt = Quat::from_rotation_z(-yaw(turn)) * turn;
+            out.sole_degrees[side] = to_angle_axis(tilt).length().to_degrees();
+        }
+        out
+    }
+}
+
+struct Settled {
+    feet: [Place; 2],
+    hangs: [bool; 2],
+}
+
+struct Place {
+    ankle: Vec3,
+    turn: Quat,
+}
+
+/// One more frame like the last.
+fn hold(motion: &mut Motion, plan: &mut FootPlan, contacts: &mut Vec<[f32; 2]>) {
+    let last = motion.len() - 1;
+    motion.postures.push(motion.postures[last]);
+    motion.contacts.push(motion.contacts[last]);
+    plan.feet.push(plan.feet[last]);
+    contacts.push(contacts[last]);
+}
+
+fn same_side(a: Quat, b: Quat) -> Quat {
+    if a.dot(b) < 0.0 { -b } else { b }
+}

@@ -1,0 +1,95 @@
+//! What carries a seated body and stands behind its back, found by rays as the body moves.
+
+use glam::Vec3;
+
+use super::feet::is_supported;
+use super::finish::Term;
+use crate::library::foot::LEGS;
+use crate::motion::skeleton::LEG_LENGTH;
+use crate::motion::{Joint, Pose, Posture};
+use crate::scene::SceneIndex;
+
+/// Half a thigh's thickness and half the trunk's depth, metres: those of the box nodes B.
+const THIGH: f32 = 0.05;
+const BACK: f32 = 0.08;
+/// σ of thighs in the seat and of the back in the backrest, metres.
+const TOUCH: f32 = 2e-3;
+/// A seat that the body is deeper in than this is not looked for, metres.
+const DEEPEST: f32 = 0.12;
+/// Places along a thigh, as shares of its length, that the seat is looked for under.
+const UNDER_THIGH: [f32; 4] = [0.2, 0.45, 0.7, 0.9];
+const BACK_JOINTS: [Joint; 3] = [Joint::Spine1, Joint::Spine2, Joint::Neck];
+
+/// The surfaces of a scene as a seated body meets them.
+#[derive(Clone, Copy)]
+pub struct Surfaces<'a> {
+    pub scene: &'a SceneIndex,
+    /// World height of the floor, metres.
+    pub floor: f32,
+}
+
+impl Surfaces<'_> {
+    /// Keeps thighs and back of a seated body out of what carries them.
+    pub fn terms(&self, pose: &Pose, out: &mut Vec<Term>) {
+        if !is_supported(pose, self.floor) {
+            return;
+        }
+        for side in 0..2 {
+            for (offset, point) in under_thigh(pose, side) {
+                if let Some(least) = self.under(point) {
+                    let joint = LEGS[side][0];
+                    out.push(Term::Plane { joint, offset, normal: Vec3::Z, least, sigma: TOUCH });
+                }
+            }
+        }
+        let normal = ahead(pose);
+        for joint in BACK_JOINTS {
+            if let Some(least) = self.behind(pose, joint) {
+                out.push(Term::Plane { joint, offset: Vec3::Y * BACK, normal, least, sigma: TOUCH });
+            }
+        }
+    }
+
+    /// How deep a thigh is in the seat, metres.
+    pub fn thigh_depth(&self, pose: &Pose, side: usize) -> f32 {
+        let depth = |(_, point): (Vec3, Vec3)| self.under(point).map_or(0.0, |surface| surface - point.z);
+        under_thigh(pose, side).map(depth).fold(0.0, f32::max)
+    }
+
+    /// How deep the back is in the backrest, metres.
+    pub fn back_depth(&self, pose: &Pose) -> f32 {
+        let depth = |joint: Joint| {
+            let point = pose.position(joint) + pose.rotation(joint) * (Vec3::Y * BACK);
+            self.behind(pose, joint).map_or(0.0, |least| least - ahead(pose).dot(point))
+        };
+        BACK_JOINTS.into_iter().map(depth).fold(0.0, f32::max)
+    }
+
+    /// World z of the surface that a point under a thigh is in, or stands on.
+    fn under(&self, point: Vec3) -> Option<f32> {
+        let from = point + Vec3::Z * DEEPEST;
+        self.scene.ray(from, Vec3::NEG_Z, DEEPEST + 0.02).map(|t| from.z - t)
+    }
+
+    /// How far ahead the surface behind a joint of the back is.
+    fn behind(&self, pose: &Pose, joint: Joint) -> Option<f32> {
+        let ahead = ahead(pose);
+        let from = pose.position(joint) + ahead * 0.04;
+        self.scene.ray(from, -ahead, 0.04 + BACK + 0.02).map(|t| ahead.dot(from) - t)
+    }
+}
+
+/// Points under a thigh: in its own frame and in the world.
+fn under_thigh(pose: &Pose, side: usize) -> impl Iterator<Item = (Vec3, Vec3)> + '_ {
+    let joint = LEGS[side][0];
+    UNDER_THIGH.into_iter().map(move |along| {
+        let offset = Vec3::new(0.0, THIGH, -along * LEG_LENGTH);
+        (offset, pose.position(joint) + pose.rotation(joint) * offset)
+    })
+}
+
+/// Where the root faces, on the floor plane.
+fn ahead(pose: &Pose) -> Vec3 {
+    let root = Posture { root_position: pose.positions[0], rotations: pose.rotations };
+    root.planar().forward().extend(0.0)
+}

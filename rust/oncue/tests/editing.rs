@@ -1,0 +1,386 @@
+//! The motion editor on motions of the starter library: constraints that nothing was tuned to, and what must not change.
+
+use std::sync::OnceLock;
+
+use glam::{Quat, Vec2, Vec3};
+use oncue::editor::manipulation::manipulate;
+use oncue::editor::plain_ik::plain_ik;
+use oncue::editor::seat::{Seat, SeatFit};
+use oncue::editor::smoothness::{Smoothness, smoothness};
+use oncue::editor::{Constraint, Edited, Key, Manifold, Wishes, edit_motion};
+use oncue::library::foot::sole;
+use oncue::library::{ActionLabel, starter};
+use oncue::math::rotation::to_angle_axis;
+use oncue::metrics::foot_figures;
+use oncue::motion::skeleton::ANKLE_HEIGHT;
+use oncue::motion::{Joint, Posture};
+use oncue::settings::EditorSettings;
+use oncue::{
+    ActionCue, ActionType, Error, Hand, ManipulationCue, Motion, MotionLibrary, Progress, SceneIndex,
+};
+
+fn library() -> &'static MotionLibrary {
+    static LIBRARY: OnceLock<MotionLibrary> = OnceLock::new();
+    LIBRARY.get_or_init(|| starter::generate(&Progress::new()).expect("the starter library"))
+}
+
+/// The longest segment of a label, cut to `frames`; with the frame at which its action is complete.
+fn segment(label: ActionLabel, frames: usize) -> (Motion, usize) {
+    let clips = library().clips.iter().flat_map(|c| c.segments.iter().map(move |s| (c, s)));
+    let (clip, s) = clips
+        .filter(|(_, s)| s.label == label)
+        .max_by_key(|(c, s)| (s.end.min(c.motion.len()) - s.first, c.motion.len()))
+        .expect("a segment");
+    // A sit goes on into the seated part.
+    let end = (s.first + frames).min(clip.motion.len()).max(s.end);
+    let motion = Motion {
+        postures: clip.motion.postures[s.first..end].to_vec(),
+        contacts: clip.motion.contacts[s.first..end].to_vec(),
+    };
+    (motion, s.complete - s.first)
+}
+
+/// Someone who stands still for 150 frames.
+fn standing() -> Motion {
+    segment(ActionLabel::Idle, 150).0
+}
+
+fn edit(motion: &Motion, constraints: &[Constraint]) -> oncue::Result<Edited> {
+    edit_with_keys(motion, constraints, &[])
+}
+
+fn edit_with_keys(motion: &Motion, constraints: &[Constraint], keys: &[Key]) -> oncue::Result<Edited> {
+    let wishes = Wishes { constraints, keys, scene: None, floor: 0.0 };
+    edit_motion(motion, &wishes, &EditorSettings::default(), &Progress::new())
+}
+
+/// Largest accelerations anywhere in the library.
+fn range_of_the_library() -> Smoothness {
+    let mut out = Smoothness::default();
+    for clip in &library().clips {
+        let s = smoothness(&clip.motion, &(0..clip.motion.len()));
+        out.largest_acceleration = out.largest_acceleration.max(s.largest_acceleration);
+        out.largest_turn = out.largest_turn.max(s.largest_turn);
+    }
+    out
+}
+
+/// What every edit keeps: frames outside its span to the bit, planted feet, soles over the floor, hinges that bend the
+/// human way, accelerations of the library.
+fn assert_sound(before: &Motion, edited: &Edited) {
+    let (after, figures) = (&edited.motion, &edited.figures);
+    let span = figures.first_frame..figures.end_frame;
+    for frame in (0..before.len()).filter(|f| !span.contains(f)) {
+        assert_eq!(before.postures[frame], after.postures[frame], "frame {frame} outside {span:?}");
+    }
+    let (foot, foot_before) = (foot_figures(after, 0.0), foot_figures(before, 0.0));
+    assert!(foot.worst_skate_cm < foot_before.worst_skate_cm + 0.05, "{foot:?} {foot_before:?}");
+    for (frame, posture) in after.postures.iter().enumerate() {
+        let (pose, own) = (posture.pose(), before.postures.get(frame).map(Posture::pose));
+        for side in 0..2 {
+            let lowest = |p| sole(p, side).iter().map(|s| s.z).fold(f32::INFINITY, f32::min);
+            let least = own.as_ref().map_or(0.0, lowest).min(0.0);
+            assert!(lowest(&pose) > least - 0.006, "frame {frame}: sole at {}", lowest(&pose));
+            let knee = posture.rotations[[Joint::LeftLeg, Joint::RightLeg][side].index()];
+            assert!(to_angle_axis(knee).x > -0.02, "frame {frame}: a knee bends backwards: {knee}");
+        }
+    }
+    let (smooth, allowed) = (smoothness(after, &span), range_of_the_library());
+    assert!(smooth.largest_acceleration < allowed.largest_acceleration, "{smooth:?} {allowed:?}");
+    assert!(smooth.largest_turn < allowed.largest_turn, "{smooth:?} {allowed:?}");
+}
+
+#[test]
+fn hands_reach_a_sphere_around_the_shoulder() {
+    let motion = standing();
+    let frame = 70;
+    let pose = motion.postures[frame].pose();
+    let here = motion.postures[frame].planar();
+    let mut misses = Vec::new();
+    // A spiral over the sphere, without what lies behind the person.
+    for i in 0..24 {
+        let up = 1.0 - 2.0 * (i as f32 + 0.5) / 24.0;
+        let turn = 2.4 * i as f32;
+        let flat = Vec2::from_angle(turn) * (1.0 - up * up).sqrt();
+        let (hand, shoulder, outward) = if i % 2 == 0 {
+            (Joint::LeftHand, Joint::LeftArm, 1.0)
+        } else {
+            (Joint::RightHand, Joint::RightArm, -1.0)
+        };
+        // Before the person, and on the hand's own side of the middle.
+        let local = Vec2::new(outward * flat.x.abs(), -flat.y.abs());
+        let radius = 0.30 + 0.25 * (i % 3) as f32 / 2.0;
+        let target = pose.position(shoulder) + here.direction_to_world(local).extend(up) * radius;
+        let pin = Constraint::positions("Sphere", hand, frame, vec![target; 10]);
+        let edited = edit(&motion, &[pin]).unwrap_or_else(|e| panic!("{i}: {e}"));
+        assert!(edited.figures.constraints[0].met, "{i}: {:?}", edited.figures);
+        misses.push(edited.figures.constraints[0].max_cm.expect("places"));
+        assert_sound(&motion, &edited);
+    }
+    misses.sort_by(f32::total_cmp);
+    assert!(misses[misses.len() / 2] < 0.2, "{misses:?}");
+}
+
+#[test]
+fn out_of_reach_is_said_by_how_much_and_which_way() {
+    let motion = standing();
+    let pose = motion.postures[60].pose();
+    let ahead = motion.postures[60].planar().forward().extend(0.0);
+    let target = pose.position(Joint::LeftArm) + ahead * 1.5;
+    let far = Constraint::positions("Shelf", Joint::LeftHand, 60, vec![target]);
+    let Err(error) = edit(&motion, &[far]) else { panic!("it is out of reach") };
+    let text = error.to_string();
+    assert!(matches!(error, Error::Unreachable(_)) && text.contains("‘Shelf’"), "{text}");
+    let (amount, _) = text.split_once(" m out of reach").expect("by how much");
+    let miss: f32 = amount.rsplit(' ').next().and_then(|n| n.parse().ok()).expect("a number");
+    assert!(text.contains("m towards the character"), "{text}");
+    // Moved as it says, and a finger's breadth more, it can be met.
+    let moved = Constraint::positions("Shelf", Joint::LeftHand, 60, vec![target - ahead * (miss + 0.03)]);
+    assert!(edit(&motion, &[moved]).expect("within reach").figures.constraints[0].met);
+    assert!(miss < 1.5 - 0.55, "the trunk and the feet give nothing: {miss}");
+}
+
+/// A seat of boxes: the seat itself, and a backrest behind it.
+fn seat_scene(height: f32, depth: f32) -> SceneIndex {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for (low, high) in [
+        ([-3.0, -3.0, -0.1], [3.0, 3.0, 0.0]),
+        ([-0.25, -depth + 0.18, height - 0.06], [0.25, 0.18, height]),
+        ([-0.25, 0.13, height], [0.25, 0.18, height + 0.4]),
+    ] {
+        let base = positions.len() as u32;
+        for i in 0..8 {
+            let pick = |axis: usize| if i & (1 << axis) == 0 { low[axis] } else { high[axis] };
+            positions.push(Vec3::new(pick(0), pick(1), pick(2)));
+        }
+        for q in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
+            triangles.push([base + q[0], base + q[1], base + q[2]]);
+            triangles.push([base + q[0], base + q[2], base + q[3]]);
+        }
+    }
+    SceneIndex::build(&positions, &triangles, &Default::default(), &Progress::new()).expect("a scene")
+}
+
+/// A sit of the library, carried so that it ends near the origin, `off` from it and turned by `turn`.
+fn sitting(off: Vec2, turn: f32) -> (Motion, usize) {
+    let (mut motion, complete) = segment(ActionLabel::Sit, 170);
+    let from = motion.postures[complete].planar();
+    let to = oncue::math::Planar::new(off, turn);
+    motion.postures.iter_mut().for_each(|p| *p = p.moved(from, to));
+    (motion, complete)
+}
+
+fn fit(motion: &Motion, complete: usize, cue: &ActionCue, scene: &SceneIndex) -> oncue::Result<SeatFit> {
+    let settings = EditorSettings::default();
+    let seat = Seat { motion, cue, complete, scene: Some(scene), floor: 0.0, settings: &settings };
+    seat.fit(None::<&Manifold>, &Progress::new())
+}
+
+fn sit_cue(height: f32, feet: [Option<Vec3>; 2]) -> ActionCue {
+    ActionCue {
+        name: "Seat".into(),
+        action_type: ActionType::Sit,
+        position: Vec3::new(0.0, 0.0, height + 0.10),
+        yaw: 0.0,
+        feet,
+    }
+}
+
+#[test]
+fn seats_from_low_to_high_are_fitted() {
+    for (height, depth) in
+        [(0.30, 0.50), (0.38, 0.45), (0.45, 0.45), (0.52, 0.40), (0.60, 0.40), (0.75, 0.35)]
+    {
+        let (motion, complete) = sitting(Vec2::new(0.04, -0.05), 0.12);
+        let cue = sit_cue(height, [None; 2]);
+        let fitted = fit(&motion, complete, &cue, &seat_scene(height, depth))
+            .unwrap_or_else(|e| panic!("{height}: {e}"));
+        let s = &fitted.seat;
+        assert!(s.pelvis_cm < 0.5 && s.facing_degrees < 1.0, "{height}: {s:?}");
+        assert!(s.thigh_cm < 0.8 && s.back_cm < 0.8, "{height}: {s:?}");
+        // A shin and a foot are 0.53 m: higher seats lift the heels, and bar stools the feet.
+        if height < 0.50 {
+            assert_eq!(s.hanging, [false; 2], "{height}: {s:?}");
+            assert!(s.sole_degrees.iter().all(|&d| d < 3.0), "{height}: {s:?}");
+        } else {
+            assert!(s.hanging == [height > 0.65; 2] || height == 0.60, "{height}: {s:?}");
+        }
+        assert_sound(&motion, &Edited { motion: fitted.motion, figures: fitted.figures });
+    }
+}
+
+#[test]
+fn feet_step_to_their_cues_and_do_not_slide() {
+    let scene = seat_scene(0.45, 0.45);
+    for (left, right) in
+        [(Vec2::new(0.12, -0.40), Vec2::new(-0.12, -0.40)), (Vec2::new(0.22, -0.55), Vec2::new(-0.05, -0.25))]
+    {
+        let (motion, complete) = sitting(Vec2::ZERO, 0.0);
+        let cue = sit_cue(0.45, [Some(left.extend(0.0)), Some(right.extend(0.0))]);
+        let fitted = fit(&motion, complete, &cue, &scene).expect("a fit");
+        let pose = fitted.motion.postures[fitted.motion.len() - 1].pose();
+        for (joint, place) in [(Joint::LeftFoot, left), (Joint::RightFoot, right)] {
+            let miss = pose.position(joint).distance(place.extend(ANKLE_HEIGHT));
+            assert!(miss < 0.01, "{joint:?}: {miss} {:?}", fitted.seat);
+        }
+        assert!(fitted.figures.constraints.iter().all(|c| c.met), "{:?}", fitted.figures);
+        assert_sound(&motion, &Edited { motion: fitted.motion, figures: fitted.figures });
+    }
+}
+
+#[test]
+fn a_foot_cue_that_no_leg_reaches_is_refused() {
+    let (motion, complete) = sitting(Vec2::ZERO, 0.0);
+    let cue = sit_cue(0.45, [Some(Vec3::new(0.1, -1.15, 0.0)), None]);
+    let text = fit(&motion, complete, &cue, &seat_scene(0.45, 0.45)).expect_err("out of reach").to_string();
+    assert!(text.contains("Seat: left foot") && text.contains("towards the character"), "{text}");
+}
+
+/// An arc of 30 cm before the person's chest.
+fn arc(motion: &Motion, frame: usize, frames: usize) -> Vec<Vec3> {
+    let here = motion.postures[frame].planar();
+    let chest = motion.postures[frame].pose().position(Joint::Spine2).z;
+    (0..frames)
+        .map(|i| {
+            let t = i as f32 / (frames - 1) as f32;
+            let angle = std::f32::consts::PI * (t * t * (3.0 - 2.0 * t));
+            here.point_to_world(Vec2::new(0.0, -0.40)).extend(chest - 0.1)
+                + Vec3::new(0.0, 0.0, 0.15 * angle.sin())
+        })
+        .collect()
+}
+
+fn carry(
+    motion: &Motion,
+    cues: &[ManipulationCue],
+) -> oncue::Result<oncue::editor::manipulation::Manipulated> {
+    manipulate(None::<&Manifold>, motion, cues, None, 0.0, &EditorSettings::default(), &Progress::new())
+}
+
+#[test]
+fn a_hand_follows_its_path_and_the_motion_grows_by_it() {
+    let (seated, _) = segment(ActionLabel::SeatedIdle, 90);
+    for (motion, hand, first_frame) in [
+        (standing(), Hand::Left, Some(60)),
+        (standing(), Hand::Both, Some(60)),
+        (seated.clone(), Hand::Right, Some(40)),
+        (seated, Hand::Both, None),
+    ] {
+        let path = arc(&motion, 40, 45);
+        let cue = ManipulationCue { name: "Lid".into(), hand, path: path.clone(), first_frame };
+        let done = carry(&motion, &[cue]).expect("within reach");
+        assert_eq!(done.cues.len(), 1);
+        let first = done.cues[0].first_frame;
+        if let Some(asked) = first_frame {
+            assert_eq!(first, asked);
+            assert_eq!(done.motion.len(), motion.len() + 45);
+        } else {
+            assert!(first >= motion.len() && done.motion.len() >= first + 45 + 15);
+        }
+        assert!(done.figures.constraints.iter().all(|c| c.met), "{:?}", done.figures);
+        let last = done.motion.postures[first + 44].pose();
+        let away = |joint: Joint| last.position(joint).distance(path[44]);
+        match hand {
+            Hand::Left => assert!(away(Joint::LeftHand) < 0.01),
+            Hand::Right => assert!(away(Joint::RightHand) < 0.01),
+            Hand::Both => assert!(
+                (away(Joint::LeftHand) - 0.1).abs() < 0.01 && (away(Joint::RightHand) - 0.1).abs() < 0.01
+            ),
+        }
+    }
+}
+
+#[test]
+fn bad_cues_are_named_and_leave_the_motion_alone() {
+    let motion = standing();
+    let path = arc(&motion, 40, 30);
+    let cue = |name: &str, hand, path: &[Vec3], first_frame| ManipulationCue {
+        name: name.into(),
+        hand,
+        path: path.to_vec(),
+        first_frame,
+    };
+    let refused = |cues: &[ManipulationCue]| carry(&motion, cues).expect_err("refused").to_string();
+    let moved: Vec<Vec3> = path.iter().map(|p| *p + Vec3::Z * 0.2).collect();
+    let twice =
+        refused(&[cue("Lid", Hand::Left, &path, Some(50)), cue("Door", Hand::Both, &moved, Some(60))]);
+    assert!(twice.contains("‘Lid’") && twice.contains("‘Door’") && twice.contains("LeftHand"), "{twice}");
+    let mut jump = path.clone();
+    jump[12] += Vec3::X;
+    assert!(refused(&[cue("Lid", Hand::Left, &jump, Some(50))]).contains("jumps by"), "{jump:?}");
+    assert!(refused(&[cue("Lid", Hand::Left, &path, Some(900))]).contains("runs from frame 900 to 929"));
+    assert!(refused(&[cue("Lid", Hand::Left, &[], Some(9))]).contains("has no path"));
+    let keys = [Key { joint: "Tail".into(), frame: 10 }];
+    assert!(edit_with_keys(&motion, &[], &keys).expect_err("no tail").to_string().contains("no bone ‘Tail’"));
+    let keys = [Key { joint: "Head".into(), frame: 1000 }];
+    assert!(edit_with_keys(&motion, &[], &keys).expect_err("too late").to_string().contains("frame 1000"));
+}
+
+#[test]
+fn keys_stay_to_the_bit_and_the_frames_around_adapt() {
+    let mut motion = standing();
+    let untouched = motion.clone();
+    let (arm, spine) = (Joint::LeftArm.index(), Joint::Spine1.index());
+    let keyed = &mut motion.postures[70];
+    keyed.rotations[arm] = keyed.rotations[arm] * Quat::from_rotation_y(-0.9);
+    keyed.rotations[spine] = keyed.rotations[spine] * Quat::from_rotation_x(0.2);
+    let keys = ["LeftArm", "Spine1"].map(|joint| Key { joint: joint.into(), frame: 70 });
+    let edited = edit_with_keys(&motion, &[], &keys).expect("an edit");
+    let after = &edited.motion;
+    for joint in [arm, spine] {
+        assert_eq!(after.postures[70].rotations[joint], motion.postures[70].rotations[joint]);
+        // Half of the change has come over to the frames near it.
+        let near = after.postures[67].rotations[joint].angle_between(after.postures[70].rotations[joint]);
+        let key = untouched.postures[67].rotations[joint].angle_between(motion.postures[70].rotations[joint]);
+        assert!(near < 0.5 * key, "{joint}: {near} of {key}");
+    }
+    let place = after.postures[70].pose().position(Joint::LeftArm);
+    assert!(place.distance(motion.postures[70].pose().position(Joint::LeftArm)) < 2e-3);
+    assert_sound(&untouched, &edited);
+}
+
+#[test]
+fn pins_hold_places_and_turns_over_a_range() {
+    let (motion, _) = segment(ActionLabel::Idle, 150);
+    let pose = motion.postures[50].pose();
+    let turn = Quat::from_rotation_z(0.4) * pose.rotation(Joint::RightHand);
+    let place = pose.position(Joint::RightHand) + Vec3::new(0.0, 0.0, 0.25);
+    let hand = Constraint {
+        rotations: vec![turn; 20],
+        ..Constraint::positions("Hand", Joint::RightHand, 50, vec![place; 20])
+    };
+    let head = Constraint {
+        rotations: vec![Quat::from_rotation_z(0.5) * pose.rotation(Joint::Head); 20],
+        ..Constraint::positions("Head", Joint::Head, 50, Vec::new())
+    };
+    let foot = pose.position(Joint::LeftFoot) + Vec3::new(0.03, 0.05, 0.08);
+    let foot = Constraint::positions("Foot", Joint::LeftFoot, 55, vec![foot; 5]);
+    let edited = edit(&motion, &[hand, head, foot]).expect("an edit");
+    assert!(edited.figures.constraints.iter().all(|c| c.met), "{:?}", edited.figures);
+    assert_sound(&motion, &edited);
+}
+
+#[test]
+fn plain_inverse_kinematics_misses_a_low_drawer_that_the_editor_opens() {
+    let motion = standing();
+    let here = motion.postures[60].planar();
+    let target = here.point_to_world(Vec2::new(0.15, -0.45)).extend(0.30);
+    let low = [Constraint::positions("Drawer", Joint::LeftHand, 60, vec![target; 20])];
+    let ours = edit(&motion, &low).expect("within reach");
+    let plain = plain_ik(&motion, &low, &EditorSettings::default(), &Progress::new()).expect("a try");
+    assert!(ours.figures.constraints[0].met, "{:?}", ours.figures);
+    assert!(plain.figures.constraints[0].max_cm.expect("places") > 5.0, "{:?}", plain.figures);
+    assert_sound(&motion, &ours);
+}
+
+#[test]
+fn cancel_is_seen() {
+    let progress = Progress::new();
+    progress.cancel();
+    let motion = standing();
+    let place = motion.postures[60].pose().position(Joint::LeftHand);
+    let pins = [Constraint::positions("Pin", Joint::LeftHand, 60, vec![place + Vec3::Z * 0.1])];
+    let wishes = Wishes { constraints: &pins, keys: &[], scene: None, floor: 0.0 };
+    let result = edit_motion(&motion, &wishes, &EditorSettings::default(), &progress);
+    assert!(matches!(result, Err(Error::Cancelled)));
+}
