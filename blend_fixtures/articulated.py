@@ -107,7 +107,7 @@ def _cues_before(scene: bpy.types.Scene, path: np.ndarray, origin: Vector, swing
     middle = Vector(path.mean(axis=0))
     away = Vector((middle.x - origin.x, middle.y - origin.y, 0.0)).normalized() if swings else Vector((0.0, -1.0, 0.0))
     reach = max((Vector(point) - origin).xy.dot(away.xy) for point in path) - (middle - origin).xy.dot(away.xy)
-    place = middle + away * max(AN_ARM_AWAY, reach + 0.30 if swings else 0.0)
+    place = middle + away * max(AN_ARM_AWAY, reach + 0.22 if swings else 0.0)
     yaw = yaw_from_heading(math.atan2(-away.y, -away.x))
     if seated:
         seat = 0.45
