@@ -5,6 +5,7 @@ quaternions w first; a character at rest faces -Y, and `yaw` (radians) turns it 
 """
 
 from ._native import (
+    EditedMotion,
     Job,
     Library,
     Manifold,
@@ -15,6 +16,7 @@ from ._native import (
     build_library,
     check_task,
     default_settings,
+    edit_motion,
     index_scene,
     optimize_policy,
     practice_room,
@@ -28,15 +30,22 @@ from .errors import Cancelled, DataFileError, InputError, OncueError
 from .types import (
     ActionCue,
     BoxNode,
+    Constraint,
+    ConstraintFigures,
+    EditFigures,
     InitialState,
+    Key,
     ManifoldErrors,
     ManifoldFigures,
+    ManipulationCue,
+    ManipulationFigures,
     LearningFigures,
     Point,
     PolicyOrigin,
     ProgressSnapshot,
     Report,
     Robustness,
+    SearchFigures,
     Settings,
     Skeleton,
     StartFigures,
@@ -46,6 +55,15 @@ from .types import (
 )
 
 __all__ = [
+    "SearchFigures",
+    "ManipulationFigures",
+    "ManipulationCue",
+    "Key",
+    "EditFigures",
+    "ConstraintFigures",
+    "Constraint",
+    "edit_motion",
+    "EditedMotion",
     "ActionCue",
     "BoxNode",
     "Cancelled",

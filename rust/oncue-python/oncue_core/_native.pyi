@@ -10,8 +10,12 @@ from numpy.typing import NDArray
 
 from .types import (
     ActionCue,
+    Constraint,
+    EditFigures,
+    Key,
     LearningFigures,
     ManifoldFigures,
+    ManipulationCue,
     Point,
     PolicyOrigin,
     ProgressSnapshot,
@@ -24,6 +28,7 @@ from .types import (
 )
 
 __all__ = [
+    "EditedMotion",
     "Job",
     "Library",
     "Manifold",
@@ -34,6 +39,7 @@ __all__ = [
     "build_library",
     "check_task",
     "default_settings",
+    "edit_motion",
     "index_scene",
     "optimize_policy",
     "practice_room",
@@ -256,6 +262,48 @@ def synthesize(
     optimized; else it is fine-tuned.
     InputError for unknown settings and malformed tasks at once; from the job for a task that cannot be met, before
     anything is optimized.
+    """
+
+@final
+class EditedMotion:
+    """An edited motion, and how its constraints were met."""
+
+    @property
+    def root_positions(self) -> NDArray[np.float32]:
+        """p_root: (frames, 3), world, metres."""
+    @property
+    def rotations(self) -> NDArray[np.float32]:
+        """(frames, 22, 4), w first; [:, 0] in the world, the others relative to their parent."""
+    @property
+    def contacts(self) -> NDArray[np.float32]:
+        """(frames, 2), left and right foot: 0 in the air, 0.5 near the floor, 1 planted."""
+    @property
+    def frame_rate(self) -> float:
+        """Frames a second."""
+    @property
+    def figures(self) -> EditFigures:
+        """What is left of each constraint, the frames that may have changed, and where the hands' paths came to lie."""
+
+def edit_motion(
+    root_positions: NDArray[np.float32],
+    rotations: NDArray[np.float32],
+    contacts: NDArray[np.float32],
+    constraints: Sequence[Constraint] = ...,
+    keys: Sequence[Key] = ...,
+    manipulations: Sequence[ManipulationCue] = ...,
+    scene: SceneIndex | None = None,
+    floor: float = 0.0,
+    settings: Settings | None = None,
+    manifold: Manifold | None = None,
+) -> Job[EditedMotion]:
+    """Edits a motion (arrays as a synthesis gives them) so that it meets constraints, keys and hands' cues.
+
+    Frames outside the touched span stay to the bit. Hands' cues come first, and lengthen the motion where the person is
+    still; frames of constraints and keys are then those of the lengthened motion. `scene`: what a seated body is kept out
+    of. `floor`: its height, metres. Settings: those of `synthesize`, of which `editor` counts. `manifold`: another than the
+    one that ships.
+    InputError for arrays of another shape or kind, unknown bones and fields at once; from the job for contradictions, paths
+    that jump, ranges outside the motion, and what is out of reach, by how much and which way.
     """
 
 def default_settings(preset: str = "default") -> Settings:

@@ -33,11 +33,89 @@ class ActionCue(TypedDict):
     feet: NotRequired[list[Point | list[float] | None]]
 
 
+class ManipulationCue(TypedDict):
+    """φ_M: the path that a hand's joint follows, one place a frame (30 Hz), world, metres.
+
+    `first_frame`: the motion's frame at which the hand is at the first place; without it, as soon as the action is
+    complete and the hand has got there.
+    """
+
+    name: str
+    hand: Literal["left", "right", "both"]
+    path: list[Point] | list[list[float]]
+    first_frame: NotRequired[int | None]
+
+
 class Task(TypedDict):
-    """A start and the cue that follows it."""
+    """A start, the cue that follows it, and what the hands do."""
 
     start: InitialState
     cue: ActionCue
+    manipulations: NotRequired[list[ManipulationCue]]
+
+
+class Constraint(TypedDict):
+    """Where a joint is to be from `first_frame` (30 Hz) on, one entry a frame; what is left out stays free.
+
+    `positions`: world, metres. `rotations`: world, w first. `facings`: of the Hips, radians. `soft`: a wish, which may
+    be missed.
+    """
+
+    name: str
+    joint: str
+    first_frame: int
+    positions: NotRequired[list[Point] | list[list[float]]]
+    rotations: NotRequired[list[tuple[float, float, float, float]] | list[list[float]]]
+    facings: NotRequired[list[float]]
+    soft: NotRequired[bool]
+
+
+class Key(TypedDict):
+    """A joint that was keyed at a frame: its posture there is the motion's own, and stays."""
+
+    joint: str
+    frame: int
+
+
+class ConstraintFigures(TypedDict):
+    """What is left of a constraint; None where nothing was asked. `met`: within 1 cm and 3°."""
+
+    name: str
+    joint: str
+    frames: int
+    mean_cm: float | None
+    max_cm: float | None
+    mean_degrees: float | None
+    max_degrees: float | None
+    met: bool
+
+
+class SearchFigures(TypedDict):
+    """What the search along the manifold did: its windows, its steps, and how far the targets were before and after."""
+
+    windows: int
+    steps: int
+    before_cm: float
+    after_cm: float
+
+
+class ManipulationFigures(TypedDict):
+    """Where a hand's path came to lie in the motion."""
+
+    name: str
+    first_frame: int
+    frames: int
+
+
+class EditFigures(TypedDict):
+    """What an edit did. Frames before `first_frame` and from `end_frame` on are as they were, to the bit."""
+
+    constraints: list[ConstraintFigures]
+    first_frame: int
+    end_frame: int
+    search: SearchFigures | None
+    seconds: float
+    manipulations: list[ManipulationFigures]
 
 
 class ProgressSnapshot(TypedDict):

@@ -4,11 +4,13 @@
 //! exceptions they raise. The package around this module is `oncue_core/`, its types `_native.pyi`.
 
 mod arrays;
+mod editor;
 mod error;
 mod job;
 mod json;
 mod library;
 mod manifold;
+mod motion;
 mod policy;
 mod scene;
 mod skeleton;
@@ -19,6 +21,7 @@ use pyo3::prelude::*;
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<editor::EditedMotion>()?;
     module.add_class::<job::Job>()?;
     module.add_class::<library::Library>()?;
     module.add_class::<manifold::Manifold>()?;
@@ -26,6 +29,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::SceneIndex>()?;
     module.add_class::<synthesis::Synthesis>()?;
     module.add_function(wrap_pyfunction!(skeleton::skeleton, module)?)?;
+    module.add_function(wrap_pyfunction!(editor::edit_motion, module)?)?;
     module.add_function(wrap_pyfunction!(library::build_library, module)?)?;
     module.add_function(wrap_pyfunction!(library::practice_room, module)?)?;
     module.add_function(wrap_pyfunction!(manifold::train_manifold, module)?)?;

@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
-use oncue::motion::{FRAME_RATE, JOINT_COUNT};
+use numpy::{PyArray2, PyArray3};
+use oncue::motion::FRAME_RATE;
 use oncue::{Settings, Task};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -12,6 +12,7 @@ use crate::error::to_python;
 use crate::job::Job;
 use crate::json;
 use crate::library::Library;
+use crate::motion::{MotionArrays, to_arrays};
 use crate::policy::Policy;
 use crate::scene::SceneIndex;
 
@@ -34,16 +35,11 @@ pub struct Synthesis {
 
 impl Synthesis {
     fn new(py: Python<'_>, synthesis: oncue::Synthesis) -> PyResult<Self> {
-        let motion = &synthesis.motion;
-        let frames = motion.len();
-        let positions = motion.postures.iter().flat_map(|p| p.root_position.to_array());
-        let quaternions = motion.postures.iter().flat_map(|p| &p.rotations);
-        let rotations = quaternions.flat_map(|q| [q.w, q.x, q.y, q.z]);
-        let contacts = motion.contacts.iter().flatten().copied();
+        let MotionArrays { root_positions, rotations, contacts } = to_arrays(py, &synthesis.motion)?;
         Ok(Self {
-            root_positions: PyArray1::from_iter(py, positions).reshape([frames, 3])?.unbind(),
-            rotations: PyArray1::from_iter(py, rotations).reshape([frames, JOINT_COUNT, 4])?.unbind(),
-            contacts: PyArray1::from_iter(py, contacts).reshape([frames, 2])?.unbind(),
+            root_positions,
+            rotations,
+            contacts,
             frame_rate: FRAME_RATE,
             report: json::to_python(py, &synthesis.report)?.unbind(),
             policy: Py::new(py, Policy::new(synthesis.policy))?,

@@ -1,7 +1,8 @@
 //! Seat fits over the rooms of a `rooms.tsv` and manipulations of the objects of an `objects.tsv`, with and without the
 //! manifold, beside plain inverse kinematics; prints the tables.
 //!
-//! `cargo run --release --example editing -- --shared FOLDER [--motions CACHE] [--out FOLDER] [--only seats|hands]`
+//! `cargo run --release --example editing -- --shared FOLDER [--motions CACHE] [--out FOLDER] [--only seats|hands]
+//! [--manifold FILE]`
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -33,10 +34,13 @@ struct Arguments {
     motions: Option<PathBuf>,
     out: Option<PathBuf>,
     only: Option<String>,
+    /// Another manifold than the one that ships.
+    manifold: Option<PathBuf>,
 }
 
 fn arguments() -> Result<Arguments, AnyError> {
-    let mut a = Arguments { shared: "../shared".into(), motions: None, out: None, only: None };
+    let mut a =
+        Arguments { shared: "../shared".into(), motions: None, out: None, only: None, manifold: None };
     let mut words = std::env::args().skip(1);
     while let Some(word) = words.next() {
         let value = words.next().ok_or("an option lacks its value")?;
@@ -45,6 +49,7 @@ fn arguments() -> Result<Arguments, AnyError> {
             "--motions" => a.motions = Some(value.into()),
             "--out" => a.out = Some(value.into()),
             "--only" => a.only = Some(value),
+            "--manifold" => a.manifold = Some(value.into()),
             other => return Err(format!("unknown option {other}").into()),
         }
     }
@@ -82,7 +87,7 @@ fn main() -> Result<(), AnyError> {
             editor: EditorSettings { fit: false, ..Default::default() },
             ..Default::default()
         },
-        manifold: None,
+        manifold: a.manifold.as_deref().map(Manifold::read).transpose()?,
         arguments: a,
     };
     let only = run.arguments.only.clone();

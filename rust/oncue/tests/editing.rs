@@ -51,7 +51,7 @@ fn edit(motion: &Motion, constraints: &[Constraint]) -> oncue::Result<Edited> {
 
 fn edit_with_keys(motion: &Motion, constraints: &[Constraint], keys: &[Key]) -> oncue::Result<Edited> {
     let wishes = Wishes { constraints, keys, scene: None, floor: 0.0 };
-    edit_motion(motion, &wishes, &EditorSettings::default(), &Progress::new())
+    edit_motion(motion, &wishes, None, &EditorSettings::default(), &Progress::new())
 }
 
 /// Largest accelerations anywhere in the library.
@@ -381,6 +381,6 @@ fn cancel_is_seen() {
     let place = motion.postures[60].pose().position(Joint::LeftHand);
     let pins = [Constraint::positions("Pin", Joint::LeftHand, 60, vec![place + Vec3::Z * 0.1])];
     let wishes = Wishes { constraints: &pins, keys: &[], scene: None, floor: 0.0 };
-    let result = edit_motion(&motion, &wishes, &EditorSettings::default(), &progress);
+    let result = edit_motion(&motion, &wishes, None, &EditorSettings::default(), &progress);
     assert!(matches!(result, Err(Error::Cancelled)));
 }

@@ -37,6 +37,18 @@ pub struct EditFigures {
     pub seconds: f32,
 }
 
+impl EditFigures {
+    /// Two edits of one motion, the other after this one.
+    pub fn join(&mut self, other: EditFigures) {
+        let empty = self.end_frame == 0;
+        self.first_frame = if empty { other.first_frame } else { self.first_frame.min(other.first_frame) };
+        self.end_frame = self.end_frame.max(other.end_frame);
+        self.constraints.extend(other.constraints);
+        self.search = other.search.or(self.search.take());
+        self.seconds += other.seconds;
+    }
+}
+
 /// What is left of a constraint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ConstraintFigures {
@@ -76,6 +88,8 @@ pub(super) struct Edit<'a> {
     pub span: Range<usize>,
     /// What thighs and back of a seated body are kept out of.
     pub surfaces: Option<Surfaces<'a>>,
+    /// Where the pelvis passes on its way to its constraint, if not with the least jerk: frame, place.
+    pub pelvis_way: Vec<(usize, Vec3)>,
     /// Local rotations that must come out exactly: frame, joint, rotation.
     pub exact: &'a [(usize, Joint, Quat)],
 }
@@ -95,6 +109,7 @@ impl<'a> Edit<'a> {
             feet: FootPlan::of(motion),
             span: span(motion, constraints, settings),
             surfaces: None,
+            pelvis_way: Vec::new(),
             exact: &[],
         };
         let mut feet = edit.feet.clone();
@@ -106,7 +121,8 @@ impl<'a> Edit<'a> {
     /// On the way to a constraint and back, and from one to the next, a joint moves as a reaching hand does: with the least
     /// jerk (Flash & Hogan 1985). Gives that way's places, as wishes: frame, joint, place.
     fn ways(&self) -> Vec<(usize, Joint, Vec3)> {
-        let mut out = Vec::new();
+        let mut out: Vec<_> =
+            self.pelvis_way.iter().map(|&(frame, place)| (frame, Joint::Hips, place)).collect();
         let mut joints: Vec<Joint> =
             self.constraints.iter().filter(|c| !c.soft && !c.positions.is_empty()).map(|c| c.joint).collect();
         joints.sort_unstable();
@@ -133,6 +149,9 @@ impl<'a> Edit<'a> {
                 let end = after.unwrap_or(self.span.end);
                 let ends = [before, after].map(|f| f.map(|f| (f, asked[f].unwrap_or_default())));
                 for at in frame..end {
+                    if joint == Joint::Hips && self.pelvis_way.iter().any(|w| w.0 == at) {
+                        continue;
+                    }
                     let moved = match ends {
                         [Some((a, from)), Some((b, to))] if b - a <= reach(from) + reach(to) => {
                             Some(from.lerp(to, least_jerk((at - a) as f32 / (b - a) as f32)))

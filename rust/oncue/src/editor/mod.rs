@@ -46,7 +46,8 @@ use crate::motion::Motion;
 use crate::progress::Progress;
 use crate::settings::EditorSettings;
 
-/// E(M): the motion edited so that it meets what was wished for (LAMA, section 3.6), by the manifold that ships.
+/// E(M): the motion edited so that it meets what was wished for (LAMA, section 3.6), along `manifold`, or by the finishing
+/// pass alone where there is none.
 ///
 /// Frames outside the touched span are those of `motion`, bit for bit.
 ///
@@ -56,13 +57,14 @@ use crate::settings::EditorSettings;
 pub fn edit_motion(
     motion: &Motion,
     wishes: &Wishes,
+    manifold: Option<&Manifold>,
     settings: &EditorSettings,
     progress: &Progress,
 ) -> Result<Edited> {
-    resolve::resolve(manifold(), motion, wishes, settings, progress)
+    resolve::resolve(manifold, motion, wishes, settings, progress)
 }
 
-/// The manifold that ships.
-pub(crate) fn manifold() -> Option<&'static Manifold> {
+/// The manifold that ships with Oncue.
+pub fn shipped_manifold() -> Option<&'static Manifold> {
     None
 }

@@ -25,11 +25,13 @@ use crate::scene::SceneIndex;
 use crate::settings::EditorSettings;
 
 /// A pelvis farther from its cue than this is not fitted, metres.
-const FARTHEST: f32 = 0.45;
+const FARTHEST: f32 = 0.55;
 /// Longest a leg gets, as a share of its length.
 const LONGEST_LEG: f32 = 0.985;
 /// A foot that stands this near its place is not moved, metres.
 const STANDS: f32 = 0.004;
+/// No one takes longer to sit down, frames.
+const LONGEST_DESCENT: usize = 75;
 /// Seconds of a seated step, and between the two feet's.
 const STEP_SECONDS: f32 = 0.6;
 const STEP_APART: f32 = 0.35;
@@ -101,6 +103,9 @@ impl Seat<'_> {
         let lead = (self.settings.blend_seconds * FRAME_RATE) as usize / 2;
         edit.span.start = edit.span.start.min(moved.map_or(usize::MAX, |f| f.saturating_sub(lead)));
         edit.feet = plan;
+        edit.pelvis_way = self.descent();
+        let begins = edit.pelvis_way.first().map_or(usize::MAX, |w| w.0.saturating_sub(lead));
+        edit.span.start = edit.span.start.min(begins);
         edit.surfaces = self.surfaces();
         edit.check_reach(&constraints, progress)?;
         let Edited { motion, figures } = edit.run(decoder, progress)?;
@@ -134,6 +139,28 @@ impl Seat<'_> {
                 vec![self.cue.position; count],
             )
         }
+    }
+
+    /// The pelvis's way down: as it sinks it comes by as much nearer to q_root, so that nobody sits down in the air first.
+    fn descent(&self) -> Vec<(usize, Vec3)> {
+        let root = |frame: usize| self.motion.postures[frame].root_position;
+        let seated = root(self.complete);
+        let away = self.cue.position - seated;
+        if away.length() < STANDS {
+            return Vec::new();
+        }
+        let window = self.complete.saturating_sub(LONGEST_DESCENT)..self.complete;
+        let top = window.clone().map(|f| root(f).z).fold(seated.z, f32::max);
+        if top - seated.z < 0.1 {
+            return Vec::new();
+        }
+        let first = window.rev().find(|&f| root(f).z > top - 0.01).unwrap_or(self.complete);
+        (first..self.complete)
+            .map(|frame| {
+                let sunk = ((top - root(frame).z) / (top - seated.z)).clamp(0.0, 1.0);
+                (frame, root(frame) + away * sunk)
+            })
+            .collect()
     }
 
     /// Where the feet of the seated person end up.

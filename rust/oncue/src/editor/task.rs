@@ -5,9 +5,9 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::edit::ConstraintFigures;
-use super::manifold;
 use super::manipulation::{Manipulated, ManipulationFigures, manipulate};
 use super::seat::{Seat, SeatFigures, SeatFit};
+use super::shipped_manifold;
 use crate::cue::{ActionType, Task};
 use crate::error::{Error, Result};
 use crate::motion::Motion;
@@ -45,7 +45,7 @@ pub fn edit_for_task(
     progress: &Progress,
 ) -> Result<EditedFigures> {
     let began = Instant::now();
-    let decoder = manifold();
+    let decoder = shipped_manifold();
     let floor = task.start.position.z;
     let mut out = EditedFigures { complete_frame: complete, ..Default::default() };
     if task.cue.action_type == ActionType::Sit {
