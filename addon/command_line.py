@@ -13,6 +13,7 @@ import bpy
 
 from . import native
 from .bridge import session
+from .bridge.policies import policy_cache
 from .errors import SceneError
 from .job_operator import sentence
 from .pipeline import LibraryCache, Progress, run_blocking, synthesis_steps
@@ -70,7 +71,7 @@ def synthesize(options: argparse.Namespace) -> int:
     apply_options(context.scene, options)
     print("Oncue: reading the scene", flush=True)
     request, skipped = session.read_request(context)
-    outcome = run_blocking(synthesis_steps(request, LibraryCache()), ProgressPrinter())
+    outcome = run_blocking(synthesis_steps(request, LibraryCache(), policy_cache(context)), ProgressPrinter())
     action = session.write_outcome(context, request, outcome, skipped)
     report = session.report_of(action)
     save(options.out)

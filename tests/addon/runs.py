@@ -7,7 +7,7 @@ import numpy as np
 
 #: One small update from scratch and few rollouts: the whole chain on a small budget, the same on every machine.
 QUICK = {
-    "ppo": {"prior": False, "updates": 1, "tuples": 1500, "seconds": 1e6},
+    "ppo": {"prior": False, "updates": 1, "tuples": 1500},
     "kept": {"rollouts": 48, "rounds": 1, "more_rounds": 0},
 }
 

@@ -20,7 +20,7 @@ PRESSES = STATE.with_name("presses.jsonl")
 BUTTON_COLOR = (0.05, 0.42, 0.62, 1.0)
 #: From scratch, on a budget that takes some seconds, so that there is something to see and to cancel.
 BUDGET = {
-    "ppo": {"prior": False, "updates": 2, "tuples": 6000, "seconds": 1e6},
+    "ppo": {"prior": False, "updates": 2, "tuples": 6000},
     "kept": {"rollouts": 64, "rounds": 1, "more_rounds": 0},
 }
 

@@ -17,6 +17,9 @@ from .store import Store
 
 Row = dict[str, Any]
 
+#: All is measured after the controller, before the motion editor.
+UNEDITED: dict[str, Any] = {"editor": {"fit": False}}
+
 #: A controller as the paper has it at its end: no prior, the policy's mean alone. What is left shows the terms.
 PLAIN = {"ppo": {"prior": False}, "kept": {"rollouts": 1, "rounds": 0, "more_rounds": 0}}
 
@@ -49,6 +52,7 @@ class Bench:
 
 def measured(bench: Bench, experiment: str, library: str, scene, task, settings: dict[str, Any]) -> Row:
     """The figures of one motion, from the store where they are there, with what they are of."""
+    settings = merged(UNEDITED, settings)
     key = bench.key(experiment, library, scene=scene.index.fingerprint, task=task, settings=settings)
     run = functools.partial(synthesize, scene.index, bench.libraries[library], task, settings, bench.seed)
     row = bench.store.get(key, run)
@@ -188,9 +192,9 @@ def computation_time(bench: Bench) -> Iterator[Row]:
         key = bench.key("time", library, scene=scene.index.fingerprint, task=task)
 
         def make(task=task):
-            scratch = synthesize(scene.index, lib, task, {"ppo": {"prior": False}}, bench.seed)
-            first = synthesize(scene.index, lib, task, {}, bench.seed)
-            again = synthesize(scene.index, lib, task, live, bench.seed)
+            scratch = synthesize(scene.index, lib, task, merged(UNEDITED, {"ppo": {"prior": False}}), bench.seed)
+            first = synthesize(scene.index, lib, task, UNEDITED, bench.seed)
+            again = synthesize(scene.index, lib, task, merged(UNEDITED, live), bench.seed)
             return {
                 "scratch_s": scratch.get("seconds"),
                 "scratch_updates": scratch.get("updates"),

@@ -298,12 +298,12 @@ def edit_motion(
 ) -> Job[EditedMotion]:
     """Edits a motion (arrays as a synthesis gives them) so that it meets constraints, keys and hands' cues.
 
-    Frames outside the touched span stay to the bit. Hands' cues come first, and lengthen the motion where the person is
-    still; frames of constraints and keys are then those of the lengthened motion. `scene`: what a seated body is kept out
-    of. `floor`: its height, metres. Settings: those of `synthesize`, of which `editor` counts. `manifold`: another than the
-    one that ships.
-    InputError for arrays of another shape or kind, unknown bones and fields at once; from the job for contradictions, paths
-    that jump, ranges outside the motion, and what is out of reach, by how much and which way.
+    Frames outside the touched span stay to the bit. Hands' cues come first, and lengthen the motion where the person
+    is still; frames of constraints and keys are then those of the lengthened motion. `scene`: what a seated body is
+    kept out of. `floor`: its height, metres. Settings: those of `synthesize`, of which `editor` counts. `manifold`:
+    another than the one that ships.
+    InputError for arrays of another shape or kind, unknown bones and fields at once; from the job for contradictions,
+    paths that jump, ranges outside the motion, and what is out of reach, by how much and which way.
     """
 
 def default_settings(preset: str = "default") -> Settings:

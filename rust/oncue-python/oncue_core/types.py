@@ -209,6 +209,8 @@ class ManifoldFigures(TypedDict):
     test_mocap: ManifoldErrors
     test_augmented: ManifoldErrors
     curve: list[ManifoldEpoch]
+
+
 class PolicyOrigin(TypedDict):
     """What a policy was optimized for. `scene`: its fingerprint, empty for the prior; `library`: a checksum."""
 

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::manifold::{LAYERS, Manifold};
 use super::training::ManifoldSettings;
-use super::window::{CONTACTS, FEATURES, HEIGHT, ROTATIONS, STEP, WINDOW, rotation_range};
+use super::window::{CONTACTS, FEATURES, HEIGHT, ROTATIONS, STEP, rotation_range};
 use crate::error::Result;
 use crate::math::eigen::symmetric_eigen;
 use crate::motion::skeleton::PARENT;
@@ -178,8 +178,8 @@ fn metric(std: &[f32], settings: &ManifoldSettings) -> Vec<f32> {
 mod tests {
     use super::*;
     use crate::editor::DecoderWorkspace;
-    use crate::editor::window::from_motion;
     use crate::editor::window::tests::random_motion;
+    use crate::editor::window::{WINDOW, from_motion};
 
     #[test]
     fn motion_of_few_dimensions_comes_back_whole() {

@@ -203,9 +203,9 @@ impl Seat<'_> {
         };
         let pose = correct(&span, progress)?[0].pose();
         let hangs = [0, 1].map(|side| {
-            let own = self.cue.feet[side].is_none();
-            own && pose.position(LEGS[side][2]).distance(feet[side].ankle) > 0.01
-                || own && self.surfaces().is_some_and(|s| s.thigh_depth(&pose, side) > 0.015)
+            let missed = pose.position(LEGS[side][2]).distance(feet[side].ankle) > 0.01;
+            let sunk = self.surfaces().is_some_and(|s| s.thigh_depth(&pose, side) > 0.015);
+            self.cue.feet[side].is_none() && (missed || sunk)
         });
         for side in 0..2 {
             if hangs[side] {

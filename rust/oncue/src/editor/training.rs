@@ -97,8 +97,8 @@ impl Default for ManifoldSettings {
     fn default() -> Self {
         Self {
             channels: 128,
-            epochs: 30,
-            centred: 0.5,
+            epochs: 24,
+            centred: 0.75,
             batch: 32,
             learning_rate: 1e-4,
             final_learning_rate: 1e-6,
@@ -110,7 +110,7 @@ impl Default for ManifoldSettings {
             root_weight: 1.0,
             rotation_weight: 1.0,
             position_weight: 1.3,
-            path_share: 0.01,
+            path_share: 0.001,
             test_share: 0.1,
             validation_share: 0.05,
             origin: String::new(),

@@ -101,8 +101,10 @@ impl MotionDatabase {
         let stands = |f: &DatabaseFrame| f.label == ActionLabel::Idle && f.remaining >= 30;
         let idle_frames =
             (0..frames.len() as u32).filter(|&f| stands(&frames[f as usize])).collect::<Vec<u32>>();
-        let matched =
-            frames.iter().zip(&frames[1..]).filter(|(a, _)| a.remaining > 0 && a.label != ActionLabel::Other);
+        let matched = frames
+            .iter()
+            .zip(frames.iter().skip(1))
+            .filter(|(a, _)| a.remaining > 0 && a.label != ActionLabel::Other);
         let usual_turns = joint_turns(matched.map(|(a, b)| (&a.posture, &b.posture)), 0.999);
         let mut database = Self {
             library_checksum: library.checksum(),
