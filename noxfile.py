@@ -321,7 +321,7 @@ def window(session: nox.Session) -> None:
 
 @nox.session
 def rooms(session: nox.Session) -> None:
-    """The tables and contact sheets of docs/rooms, from `../shared/data` or `-- --rooms FOLDER --accad FOLDER`."""
+    """The tables and contact sheets of docs/rooms, from `../shared/data`; `-- --table objects` for one of them."""
     python = blender_environment(session, blenders(session)[-1], build_wheel(session))
     tools = environment(session, "tools", ["pillow"])
     session.run(str(tools), "tools/rooms_table.py", "--python", str(python), *session.posargs)

@@ -170,6 +170,8 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
         for side, miss in zip(("Left", "Right"), cue.get("feet_cm", (None, None)), strict=True):
             if miss is not None:
                 lines.append((f"    {side} foot {miss:.1f} cm", "BLANK1"))
+    lines += _met_lines((report.get("edited") or {}).get("constraints", []), skip={c["cue"] for c in report["cues"]})
+    lines += _met_lines(report.get("artist", {}).get("constraints", []), skip=set())
     if "foot" in report:
         lines.append((f"Foot contact {report['foot']['contact_cm']:.1f} cm", "BLANK1"))
         lines.append((f"Skate {report['foot']['skate_cm']:.2f} cm a frame", "BLANK1"))
@@ -178,6 +180,19 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
     seconds = report.get("extension", {}).get("seconds", {})
     if seconds:
         lines.append((f"Made in {sum(seconds.values()):.0f} s, seed {report.get('seed', 0)}", "TIME"))
+    return lines
+
+
+def _met_lines(constraints: list[dict], skip: set[str]) -> list[tuple[str, str]]:
+    """One line for everything of one name that an edit was to meet: how far the worst of it is off."""
+    lines = []
+    for name in dict.fromkeys(c["name"] for c in constraints if c["name"] not in skip):
+        same = [c for c in constraints if c["name"] == name]
+        centimetres = [c["max_cm"] for c in same if c["max_cm"] is not None]
+        degrees = [c["max_degrees"] for c in same if c["max_degrees"] is not None]
+        off = [f"{max(centimetres):.1f} cm"] if centimetres else []
+        off += [f"{max(degrees):.1f}°"] if degrees else []
+        lines.append((f"{name}: {', '.join(off)}", "CHECKMARK" if all(c["met"] for c in same) else "ERROR"))
     return lines
 
 

@@ -23,8 +23,8 @@ import furniture as f  # noqa: E402
 
 from addon.bridge.cue_objects import PELVIS_OVER_SEAT, make_cue, place_hand, yaw_from_heading  # noqa: E402
 
-#: When the part opens: frames of a scene at 30 frames a second, after the walk.
-FIRST, LAST = 121, 181
+#: When the part opens, frames of a scene at 30 frames a second: once the person stands, or sits, and for how long.
+STANDING, SEATED, TAKES = 91, 151, 60
 #: Objects no taller than this stand on a table and are opened seated, metres.
 ON_A_TABLE, TABLE = 0.08, 0.74
 #: How far from the middle of the hand's way the body stands or sits, metres.
@@ -55,14 +55,15 @@ def object_task(scene: bpy.types.Scene, glb: Path, row: dict[str, str]) -> bpy.t
     raised = Vector((0.0, 0.0, lift))
     axis, origin = Vector(_numbers(row["axis_xyz"])), Vector(_numbers(row["origin_xyz"])) + raised
     contact = Vector(_numbers(row["contact_xyz"])) + raised
-    _animate(scene, part, row, axis, origin)
+    first = SEATED if lift else STANDING
+    _animate(scene, part, row, axis, origin, first)
 
     opening = np.linspace(0.0, float(row["range_max"]), 13)
     path = np.array([_motion(row, axis, origin, value) @ contact for value in opening])
     _cues_before(scene, path, origin, row["joint"] == "hinge" and abs(axis.z) > 0.5, bool(lift))
     _select(part)
     scene.cursor.location = contact
-    return place_hand(bpy.context, "right_hand", FIRST, LAST, 1.0)
+    return place_hand(bpy.context, "right_hand", first, first + TAKES, 1.0)
 
 
 def _numbers(text: str) -> list[float]:
@@ -77,8 +78,10 @@ def _motion(row: dict[str, str], axis: Vector, origin: Vector, value: float) -> 
     return Matrix.Translation(origin) @ turn @ Matrix.Translation(-origin)
 
 
-def _animate(scene: bpy.types.Scene, part: bpy.types.Object, row: dict[str, str], axis: Vector, origin: Vector) -> None:
-    """Hangs the part on an empty at its joint, and opens that from FIRST to LAST."""
+def _animate(
+    scene: bpy.types.Scene, part: bpy.types.Object, row: dict[str, str], axis: Vector, origin: Vector, first: int
+) -> None:
+    """Hangs the part on an empty at its joint, and opens that from frame `first` on."""
     joint = bpy.data.objects.new(f"{part.name} joint", None)
     joint.empty_display_size, joint.location = 0.1, origin
     scene.collection.objects.link(joint)
@@ -88,14 +91,14 @@ def _animate(scene: bpy.types.Scene, part: bpy.types.Object, row: dict[str, str]
     part.matrix_parent_inverse = joint.matrix_world.inverted()
     part.matrix_world = world
     joint.rotation_mode = "AXIS_ANGLE"
-    for frame, value in ((FIRST, 0.0), (LAST, float(row["range_max"]))):
+    for frame, value in ((first, 0.0), (first + TAKES, float(row["range_max"]))):
         if row["joint"] == "slide":
             joint.location = origin + axis * value
             joint.keyframe_insert("location", frame=frame)
         else:
             joint.rotation_axis_angle = (math.radians(value), *axis)
             joint.keyframe_insert("rotation_axis_angle", frame=frame)
-    scene.frame_end = LAST
+    scene.frame_end = first + TAKES
     scene.frame_set(1)
 
 
@@ -104,7 +107,7 @@ def _cues_before(scene: bpy.types.Scene, path: np.ndarray, origin: Vector, swing
     middle = Vector(path.mean(axis=0))
     away = Vector((middle.x - origin.x, middle.y - origin.y, 0.0)).normalized() if swings else Vector((0.0, -1.0, 0.0))
     reach = max((Vector(point) - origin).xy.dot(away.xy) for point in path) - (middle - origin).xy.dot(away.xy)
-    place = middle + away * max(AN_ARM_AWAY, reach + 0.30 if swings else 0.0)
+    place = middle + away * max(AN_ARM_AWAY, reach + 0.22 if swings else 0.0)
     yaw = yaw_from_heading(math.atan2(-away.y, -away.x))
     if seated:
         seat = 0.45

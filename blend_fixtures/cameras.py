@@ -59,6 +59,8 @@ class Shot:
 
 BODY = Shot(JOINTS, 3.3, 0.95)
 FEET = Shot(("LeftFoot", "RightFoot", "LeftToe", "RightToe", "LeftLeg", "RightLeg"), 1.7, 0.7)
+LEFT_HAND = Shot(("LeftHand", "LeftArm"), 1.5, 0.6)
+RIGHT_HAND = Shot(("RightHand", "RightArm"), 1.5, 0.6)
 SEAT = Shot(("Hips", "LeftHand", "RightHand", "LeftLeg", "RightLeg", "LeftFoot", "RightFoot"), 2.1, 0.8)
 
 

@@ -25,7 +25,7 @@ from mathutils import Vector
 
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[1])]
 
-from cameras import APART, BODY, FEET, LENS, SEAT, Sight, View  # noqa: E402
+from cameras import APART, BODY, FEET, LEFT_HAND, LENS, RIGHT_HAND, SEAT, Shot, Sight, View  # noqa: E402
 from walk import Walk, read_walk  # noqa: E402
 
 from addon.bridge import compat  # noqa: E402
@@ -249,9 +249,7 @@ def picture(blend: Path, out: Path, moments: int = 8) -> None:
 def sheet(blend: Path, out: Path) -> None:
     """A grid of pictures: a column a telling moment; the room, the figure, and its feet or the seat."""
     scene, walk, camera = _open(blend, SHEET_SIZE)
-    moments, sight = walk.telling(), Sight(walk)
-    sits = any(what == "half-way down" for what, _ in moments)
-    figures, details = [], []
+    moments, figures, details = walk.telling(), [], []
     with tempfile.TemporaryDirectory() as folder:
         cell = Path(folder) / "cell.png"
 
@@ -263,18 +261,29 @@ def sheet(blend: Path, out: Path) -> None:
             return _pixels(cell)
 
         for what, index in moments:
-            near_the_seat = sits and what in {"half-way down", "end"}
-            frame = f"frame {walk.frames[index]}"
+            scene.frame_set(int(walk.frames[index]))
+            sight, frame = Sight(walk), f"frame {walk.frames[index]}"
             figures.append(shown(index, sight.best(BODY, index), f"{what}, {frame}"))
-            shot = SEAT if near_the_seat else FEET
-            details.append(shown(index, sight.best(shot, index), f"{'seat' if near_the_seat else 'feet'}, {frame}"))
-        # What needs the whole room comes before the room is opened.
-        view = _overview(scene, walk, camera, SHEET_SIZE)
+            detail, shot = _detail(walk, what)
+            details.append(shown(index, sight.best(shot, index), f"{detail}, {frame}"))
+        # What needs the whole room comes before the room is opened, which nothing moves in any more.
+        if walk.hands:
+            view = Sight(walk).overview(SHEET_SIZE[0] / SHEET_SIZE[1])
+        else:
+            view = _overview(scene, walk, camera, SHEET_SIZE)
         add_way(scene, walk)
         rooms = [shown(index, view, f"{what}, frame {walk.frames[index]}") for what, index in moments]
     # Blender's pictures begin at the bottom.
     rows = [np.concatenate(row, axis=1) for row in (details, figures, rooms)]
     _write_pixels(out, np.concatenate(rows, axis=0))
+
+
+def _detail(walk: Walk, what: str) -> tuple[str, Shot]:
+    """What is worth a close look at a moment."""
+    if what in {"taking hold", "half-way", "letting go"}:
+        return "hand", LEFT_HAND if walk.hands[0][0] == "left" else RIGHT_HAND
+    sits = any(moment == "half-way down" for moment, _ in walk.telling())
+    return ("seat", SEAT) if sits and what in {"half-way down", "end"} else ("feet", FEET)
 
 
 def video(blend: Path, out: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import bpy
@@ -14,7 +14,8 @@ from mathutils import Vector
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from addon.bridge.names import CHARACTER_KEY, CUE_KEY
+from addon.bridge.hand_reader import HAND
+from addon.bridge.names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
 
 #: The joints that must be seen for a posture to be judged.
 JOINTS = (
@@ -40,6 +41,8 @@ class Walk:
     facings: np.ndarray
     floor: float
     frame_rate: float
+    #: (hand, first, last) of each hand cue, indices of the frames.
+    hands: list[tuple[str, int, int]] = field(default_factory=list)
 
     @property
     def roots(self) -> np.ndarray:
@@ -71,8 +74,16 @@ class Walk:
         return self.frames[sorted({*chosen, len(way) - 1})]
 
     def telling(self) -> list[tuple[str, int]]:
-        """(what it shows, index of the frame): the start, the walk, the turn, half-way down and the end."""
+        """(what it shows, index of the frame): the start, the walk, the turn, half-way down and the end.
+
+        Where a hand follows a cue, what it does takes the seat's place.
+        """
         heights, way, last = self.roots[:, 2], self.way(), len(self.frames) - 1
+        if self.hands:
+            _, first, end = self.hands[0]
+            walked = int(np.abs(way[: first + 1] - 0.5 * way[first]).argmin())
+            holds = [("taking hold", first), ("half-way", (first + end) // 2), ("letting go", end)]
+            return [("start", 0), ("walking", walked), *holds, ("end", last)]
         low, high = heights[-1], float(np.median(heights[: max(last // 2, 1)]))
         if high - low < 4 * GOING_DOWN:  # ends standing
             parts = [int(np.abs(way - part * way[-1]).argmin()) for part in (0.25, 0.5, 0.75, 0.92)]
@@ -116,4 +127,12 @@ def read_walk(scene: bpy.types.Scene) -> Walk:
     toes = joints[:, [JOINTS.index("LeftToe"), JOINTS.index("RightToe")], 2]
     floor = starts[0] if starts else float(toes.min(initial=math.inf)) - 0.025
     rate = scene.render.fps / scene.render.fps_base
-    return Walk(character, bodies, frames, joints, np.array(facings), floor, rate)
+    hands = [
+        (
+            HAND[o[CUE_KEY]],
+            *(int(np.clip(o[key] - frames[0], 0, len(frames) - 1)) for key in (FIRST_FRAME_KEY, LAST_FRAME_KEY)),
+        )
+        for o in scene.objects
+        if o.get(CUE_KEY) in HAND and not o.hide_get()
+    ]
+    return Walk(character, bodies, frames, joints, np.array(facings), floor, rate, hands)

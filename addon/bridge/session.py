@@ -100,7 +100,7 @@ def write_edit(context: bpy.types.Context, take: Take, edited: object) -> tuple[
     touched = now.write(motion, np.asarray(edited.contacts))
     report = report_of(action)
     if report is not None:
-        action[REPORT_KEY] = json.dumps({**report, "artist": edited.report})
+        action[REPORT_KEY] = json.dumps({**report, "artist": edited.figures})
     return touched
 
 

@@ -1,5 +1,6 @@
 """The artist's keys and pins → constraints, and an edited motion → the touched keys only."""
 
+import dataclasses
 import json
 
 import bpy
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 from mathutils import Quaternion, Vector
 
-from .runs import keys_of
+from .runs import keys_of, set_quick
 from .test_character import evaluated_heads, forward_kinematics
 
 FRAMES = 61
@@ -283,6 +284,122 @@ def test_bad_pins_are_sentences(oncue, made, context):
     assert oncue("bridge.pins").read_pins(action) == []
     action["oncue_pins"] = json.dumps([{"bone": "Head"}])
     assert oncue("bridge.pins").read_pins(action) == []
+
+
+# --- solved by the core -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def sitting(oncue, context, core, fixtures):
+    """A synthesized take of the stool's task: (character, action)."""
+    fixtures.stool_alone()
+    set_quick(bpy.context.scene)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    character = bpy.context.scene.oncue.character
+    return character, character.animation_data.action
+
+
+def unpacked(keys):
+    return {channel: np.frombuffer(values, dtype=np.float32).reshape(-1, 2) for channel, values in keys.items()}
+
+
+def test_resolve_keeps_the_key_and_fits_the_frames_around(oncue, sitting, skeleton):
+    character, action = sitting
+    frame = round(action.frame_range[1]) - 20
+    before = unpacked(keys_of(oncue, action))
+    turn(character, "RightForeArm", frame, 0.6, axis=2)
+    keyed = unpacked(keys_of(oncue, action))
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    after = unpacked(keys_of(oncue, action))
+    assert character.animation_data.action == action
+    own = [channel for channel in keyed if "RightForeArm" in channel[0]]
+    at = int(np.flatnonzero(keyed[own[0]][:, 0] == frame)[0])
+    for channel in own:
+        assert after[channel][at].tobytes() == keyed[channel][at].tobytes()
+    changed = np.zeros(len(before[own[0]]), dtype=bool)
+    for channel, keys in after.items():
+        changed |= keys[:, 1] != before[channel][:, 1]
+    span = np.flatnonzero(changed)
+    assert span[0] > 0
+    assert span[0] < at < span[-1]
+    assert span[-1] - span[0] < 90, "only the frames around adapt"
+    # The arm comes and goes where it popped before: no frame turns by more than a fraction of what was keyed.
+    forearm = np.stack([after[channel][:, 1] for channel in sorted(own, key=lambda c: c[1])], axis=1)
+    forearm /= np.linalg.norm(forearm, axis=1, keepdims=True)
+    steps = 2 * np.arccos(np.clip(np.abs(np.sum(forearm[1:] * forearm[:-1], axis=1)), 0, 1))
+    assert steps[at - 10 : at + 10].max() < 0.25
+    lines = oncue("panels").result_lines(oncue("bridge.session").current_report(bpy.context.scene))
+    assert any("RightForeArm" in line and icon == "CHECKMARK" for line, icon in lines)
+    # A second solve finds the same key, and it still stays.
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    again = unpacked(keys_of(oncue, action))
+    for channel in own:
+        assert again[channel][at].tobytes() == keyed[channel][at].tobytes()
+
+
+def test_resolve_holds_a_pinned_hand_in_place(oncue, sitting, context):
+    character, action = sitting
+    last = round(action.frame_range[1])
+    context.scene.frame_set(last - 30)
+    select(oncue, character, "LeftHand")
+    bpy.ops.oncue.pin(first_frame=last - 45, last_frame=last - 15, rotation=False)
+    pin = np.array(oncue("bridge.pins").read_pins(action)[0].position)
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    heads = evaluated_heads(character, ["LeftHand"], range(last - 45, last - 14))
+    assert np.linalg.norm(heads[:, 0] - pin, axis=1).max() < 0.01
+
+
+def test_what_cannot_be_resolved_is_a_sentence(oncue, sitting, context):
+    character, action = sitting
+    keys = keys_of(oncue, action)
+    with pytest.raises(RuntimeError, match="Nothing was keyed or pinned"):
+        bpy.ops.oncue.resolve()
+    frame = round(action.frame_range[1]) - 20
+    context.scene.frame_set(frame)
+    select(oncue, character, "LeftHand")
+    bpy.ops.oncue.pin()
+    pins = oncue("bridge.pins")
+    (pin,) = pins.read_pins(action)
+    far = tuple(c + 3.0 for c in pin.position)
+    pins.write_pins(action, [dataclasses.replace(pin, position=far)])
+    with pytest.raises(RuntimeError, match="Pin of LeftHand"):
+        bpy.ops.oncue.resolve()
+    assert keys_of(oncue, action) == keys
+    bpy.context.scene.oncue.character = None
+    with pytest.raises(RuntimeError, match="no motion yet"):
+        bpy.ops.oncue.resolve()
+
+
+def test_keys_that_change_while_it_solves_are_not_overwritten(oncue, sitting, context, core):
+    character, action = sitting
+    frame = round(action.frame_range[1]) - 20
+    turn(character, "Head", frame, 0.3)
+    session, pipeline = oncue("bridge.session"), oncue("pipeline")
+    request, take = session.read_edit(context)
+    edited = pipeline.run_blocking(pipeline.edit_steps(request))
+    turn(character, "Neck", frame, 0.3)
+    keys = keys_of(oncue, action)
+    with pytest.raises(oncue("errors").SceneError, match="changed while it was solving"):
+        session.write_edit(context, take, edited)
+    assert keys_of(oncue, action) == keys
+
+
+def test_a_hand_follows_its_cue_in_the_action(oncue, context, core, fixtures):
+    """Synthesize with a hand cue on something that moves: the hand's joint is where the cue is, frame by frame."""
+    fixtures.stop_by_table()
+    set_quick(context.scene)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    walk = context.scene.oncue.character.animation_data.action
+    first = round(walk.frame_range[1]) - 10
+    cue = oncue("bridge.cue_objects").place_hand(context, "right_hand", first, first + 30, 1.0)
+    for frame, place in ((first, (0.0, 0.75, 1.0)), (first + 30, (0.15, 0.80, 1.15))):
+        cue.location = place
+        cue.keyframe_insert("location", frame=frame)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    character = context.scene.oncue.character
+    for frame in range(first, first + 31, 5):
+        heads = evaluated_heads(character, ["RightHand"], [frame])
+        assert np.linalg.norm(heads[0, 0] - cue.matrix_world.translation) < 0.01
 
 
 # --- back into the action ---------------------------------------------------------------------------------------------

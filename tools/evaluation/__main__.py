@@ -40,7 +40,12 @@ def main() -> int:
     if options.quick:
         libraries = {"starter": libraries["starter"]}
     bench = experiments.Bench(
-        rooms, libraries, Store(options.out / "results"), options.seed, options.quick, lambda line: print(line, flush=True)
+        rooms,
+        libraries,
+        Store(options.out / "results"),
+        options.seed,
+        options.quick,
+        lambda line: print(line, flush=True),
     )
     docs = options.docs or options.out
     pictures = docs / "pictures"

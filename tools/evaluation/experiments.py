@@ -162,7 +162,9 @@ def robustness(bench: Bench) -> Iterator[Row]:
                 return oncue_core.robustness(*args).result()
 
             figures = bench.store.get(key, make)
-            bench.say(f"{row}, {first}, cue {number}: {100 * figures['ratio']:.0f} % of {len(figures['starts'])} starts")
+            bench.say(
+                f"{row}, {first}, cue {number}: {100 * figures['ratio']:.0f} % of {len(figures['starts'])} starts"
+            )
             yield {"policy": row, "room": first, "task": number, "cue": task["cue"], **figures}
     for name in others:
         scene = bench.rooms.scene(name)
@@ -174,7 +176,9 @@ def robustness(bench: Bench) -> Iterator[Row]:
                 return oncue_core.robustness(*args).result()
 
             figures = bench.store.get(key, make)
-            bench.say(f"unseen, {name}, cue {number}: {100 * figures['ratio']:.0f} % of {len(figures['starts'])} starts")
+            bench.say(
+                f"unseen, {name}, cue {number}: {100 * figures['ratio']:.0f} % of {len(figures['starts'])} starts"
+            )
             yield {"policy": "unseen scene", "room": name, "task": number, "cue": task["cue"], **figures}
 
 

@@ -105,7 +105,9 @@ def _tasks_table(rows: list[Row]) -> str:
 
 
 def sequences_section(rows: list[Row], libraries: dict[str, Any], out: Path) -> str:
-    lines = [(f"*{name}* (paper)", "", contact, "", pen, "", "", "", "") for name, (contact, pen) in PAPER_BASELINES.items()]
+    lines = [
+        (f"*{name}* (paper)", "", contact, "", pen, "", "", "", "") for name, (contact, pen) in PAPER_BASELINES.items()
+    ]
     bars = dict(PAPER_BASELINES)
     for library, group in by(rows, "library").items():
         played = reachable(group)
@@ -155,7 +157,16 @@ def ablations_section(rows: list[Row], out: Path) -> str:
     axes.invert_yaxis()
     axes.legend()
     _save(figure, out / "evaluation-ablations.png")
-    header = ("variant", "met", "penetration %", "whole body %", "contact cm", "skate cm", "fastest joint", "paper's pen. %")
+    header = (
+        "variant",
+        "met",
+        "penetration %",
+        "whole body %",
+        "contact cm",
+        "skate cm",
+        "fastest joint",
+        "paper's pen. %",
+    )
     return "\n\n".join(
         [
             "## Ablations (section 4.3)",
