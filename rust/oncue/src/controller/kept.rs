@@ -57,6 +57,8 @@ pub fn keep_motion(
         if round > settings.rounds && best.first().is_some_and(|b| environment.is_clean(b.end, &b.tally)) {
             break;
         }
+        // What the policy would hardly do is tried only where what it would do is not good enough.
+        let spread = 0.7 + 0.15 * round.saturating_sub(settings.rounds) as f32;
         let played: Vec<Candidate> = (0..settings.rollouts as u64)
             .into_par_iter()
             .filter(|_| !progress.is_cancelled())
@@ -68,7 +70,7 @@ pub fn keep_motion(
                 };
                 let mut rng = Pcg64::seed_from_u64(own);
                 let keep = rng.random_range(0..branch.draws.len().max(1));
-                play(environment, policy, &map, branch.seed, &branch.draws[..keep], own, 0.7)
+                play(environment, policy, &map, branch.seed, &branch.draws[..keep], own, spread)
             })
             .collect();
         progress.check()?;
@@ -178,7 +180,7 @@ fn cost(environment: &Environment, end: EpisodeEnd, episode: &Episode) -> f32 {
         + 30.0 * tally.residual
         + 4.0 * tally.facing
         + 0.5 * tally.penetrating as f32
-        + 0.08 * tally.touching as f32
+        + 0.2 * tally.touching as f32
         + 0.01 * tally.crossings as f32
         + 1.5 * tally.worst_transition
         + 0.15 * tally.transition
