@@ -32,6 +32,8 @@ const LONGEST_LEG: f32 = 0.985;
 const STANDS: f32 = 0.004;
 /// No one takes longer to sit down, frames.
 const LONGEST_DESCENT: usize = 75;
+/// A swing shorter than this carries no foot elsewhere, frames.
+const SHORTEST_SWING: usize = 8;
 /// Seconds of a seated step, and between the two feet's.
 const STEP_SECONDS: f32 = 0.6;
 const STEP_APART: f32 = 0.35;
@@ -294,7 +296,7 @@ impl Seat<'_> {
     fn share_before_sitting(&self, motion: &Motion, plan: &FootPlan, side: usize, shift: Vec2) -> f32 {
         let Some(swing) = plan.last_swing(side, self.complete) else { return 0.0 };
         let stands = swing.end..self.complete;
-        if stands.is_empty() || swing.start == 0 {
+        if stands.is_empty() || swing.start == 0 || swing.len() < SHORTEST_SWING {
             return 0.0;
         }
         let longest = 2.0 * LEG_LENGTH * LONGEST_LEG;
