@@ -30,6 +30,7 @@ DIST = ROOT / "dist"
 MATURIN = ["maturin==1.16.0"]
 ZIG = ["ziglang==0.17.1"]
 LINTERS = ["ruff==0.17.6", "mypy==2.4.1", "numpy==2.4.6", "pytest==9.2.0", "nox"]
+EVALUATION = ["numpy==2.4.6", "trimesh==5.2.0", "matplotlib==3.11.2"]
 CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6"]
 #: A crash or a hang in Blender's exit must not hold the run.
 BLENDER_TESTS = ["pytest==9.2.0", "pytest-timeout==2.4.0"]
@@ -320,10 +321,20 @@ def window(session: nox.Session) -> None:
 
 @nox.session
 def rooms(session: nox.Session) -> None:
-    """The table and the contact sheets of real rooms: `-- --rooms FOLDER --out FOLDER …` (tools/rooms_table.py)."""
+    """The tables and contact sheets of docs/rooms, from `../shared/data`; `-- --table objects` for one of them."""
     python = blender_environment(session, blenders(session)[-1], build_wheel(session))
     tools = environment(session, "tools", ["pillow"])
     session.run(str(tools), "tools/rooms_table.py", "--python", str(python), *session.posargs)
+
+
+@nox.session
+def evaluate(session: nox.Session) -> None:
+    """Replays the paper's tables on real rooms (tools/evaluation); `-- --quick` for a few tasks."""
+    python = environment(session, "evaluate", EVALUATION)
+    install_wheel(session, python, build_wheel(session))
+    shared = os.environ.get("ONCUE_SHARED", str(ROOT.parent / "shared"))
+    command = [str(python), "-m", "tools.evaluation", "--shared", shared, "--out", str(OUT / "evaluation")]
+    session.run(*command, *session.posargs)
 
 
 @nox.session

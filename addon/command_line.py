@@ -13,6 +13,7 @@ import bpy
 
 from . import native
 from .bridge import session
+from .bridge.policies import policy_cache
 from .errors import SceneError
 from .job_operator import sentence
 from .pipeline import LibraryCache, Progress, run_blocking, synthesis_steps
@@ -44,16 +45,18 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: list[str]) -> int:
     """Runs the job and gives the exit status; every failure is one sentence on stderr."""
     options = parser().parse_args(arguments)
+    report = None
     try:
-        check_writable(options.out)
         if options.report:
             check_writable(options.report)
+            report = options.report
+        check_writable(options.out)
         if options.blend:
             open_file(options.blend)
         return synthesize(options)
     except native.expected_errors() as error:
         print(f"Oncue: {sentence(error)}", file=sys.stderr, flush=True)
-        if options.report:
+        if report:
             write_failure(options, sentence(error))
         return FAILED
     except KeyboardInterrupt:
@@ -68,7 +71,7 @@ def synthesize(options: argparse.Namespace) -> int:
     apply_options(context.scene, options)
     print("Oncue: reading the scene", flush=True)
     request, skipped = session.read_request(context)
-    outcome = run_blocking(synthesis_steps(request, LibraryCache()), ProgressPrinter())
+    outcome = run_blocking(synthesis_steps(request, LibraryCache(), policy_cache(context)), ProgressPrinter())
     action = session.write_outcome(context, request, outcome, skipped)
     report = session.report_of(action)
     save(options.out)

@@ -2,8 +2,9 @@
 """One mixin and one handle for every long task: modal with a timer in the window, blocking in the background.
 
 A task reads the file when it begins and writes it when it ends. Between the two nothing in the file changes, so a
-cancelled run leaves it as it was, and saving meanwhile is safe. Undo, loading another file and disabling the
-extension cancel the run and wait until the core's threads have stopped.
+cancelled run leaves it as it was, and saving meanwhile is safe. Esc, undo and loading another file end the task at
+once: the core works on arrays of its own and stops within moments by itself. Only disabling the extension waits for
+that.
 """
 
 from __future__ import annotations
@@ -16,9 +17,8 @@ from .pipeline import Run, Steps, run_blocking
 
 #: Seconds between two looks at the work.
 TICK = 0.05
-#: How long Esc waits for the core to stop before the window goes on, seconds.
-ESC_WAIT = 0.15
-#: How long undo, load and unregister wait, seconds; the core stops within a tenth.
+CANCELLED = "Cancelled; the file is as it was."
+#: How long unregister waits for the core, seconds; it stops within some tenths.
 STOP_WAIT = 10.0
 
 
@@ -30,25 +30,38 @@ class JobHandle:
         self.title = ""
         #: Why the last run was stopped or failed, for the panel; empty after a success.
         self.message = ""
+        #: Whether that is a failure; a run that somebody stopped did not fail.
+        self.failed = False
         self._timer, self._window_manager = None, None
+        #: Cancelled runs whose threads may still be at work.
+        self._leaving: list[Run] = []
 
     def start(self, context: bpy.types.Context, title: str, run: Run) -> None:
-        self.run, self.title, self.message = run, title, ""
+        self.run, self.title, self.message, self.failed = run, title, "", False
         self._window_manager = context.window_manager
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
 
     def end(self) -> None:
+        """Lets the task go; a timer of its own is removed."""
         if self._timer is not None:
             self._window_manager.event_timer_remove(self._timer)
         self.run, self._timer, self._window_manager = None, None, None
 
+    def stop(self, why: str) -> None:
+        """Cancels the task and lets it go at once; its threads stop by themselves."""
+        if self.run is None:
+            return
+        self.message, self.failed = why, False
+        self.run.cancel()
+        self._leaving = [run for run in (*self._leaving, self.run) if not run.poll()]
+        self.end()
+
     def stop_and_wait(self, why: str) -> None:
         """Cancels the task and returns once the core has stopped."""
-        if self.run is not None and not self.run.cancelled:
-            self.message = why
-        if self.run is not None:
-            self.run.cancel()
-            self.run.wait(STOP_WAIT)
+        self.stop(why)
+        for run in self._leaving:
+            run.wait(STOP_WAIT)
+        self._leaving.clear()
 
 
 handle = JobHandle()
@@ -94,30 +107,30 @@ class JobOperator:
             run.poll()
         except native.expected_errors() as error:
             return self._refused(error)
-        self._scene = context.scene.name
+        self._scene, self._run = context.scene.name, run
         handle.start(context, self.title, run)
         context.window_manager.modal_handler_add(self)
         _redraw(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        run = handle.run
-        if run is None:  # ended from elsewhere
+        if event.type == "ESC" and event.value == "PRESS" and self._run is handle.run:
+            handle.stop(CANCELLED)
+        run = self._run
+        if run is not handle.run:  # ended here, or from elsewhere
+            _redraw(context)
+            self.report({"INFO"}, handle.message or CANCELLED)
             return {"CANCELLED"}
-        pressed_escape = event.type == "ESC" and event.value == "PRESS"
-        if pressed_escape:
-            run.cancel()
-            run.wait(ESC_WAIT)
-        if event.type == "TIMER" or pressed_escape:
+        if event.type == "TIMER":
             _redraw(context)
             if run.poll():
                 return self._end(context, run)
-        return {"RUNNING_MODAL"} if pressed_escape else {"PASS_THROUGH"}
+        return {"PASS_THROUGH"}
 
     def cancel(self, _context: bpy.types.Context) -> None:
         """Blender ends the operator itself, for instance when the window closes."""
-        handle.stop_and_wait("The run was stopped.")
-        handle.end()
+        if self._run is handle.run:
+            handle.stop("The run was stopped.")
 
     def _end(self, context: bpy.types.Context, run: Run) -> set[str]:
         handle.end()
@@ -134,12 +147,9 @@ class JobOperator:
         return {"FINISHED"}
 
     def _refused(self, error: BaseException) -> set[str]:
-        if native.is_cancelled(error):
-            handle.message = handle.message or "Cancelled; the file is as it was."
-            self.report({"INFO"}, handle.message)
-        else:
-            handle.message = sentence(error)
-            self.report({"ERROR"}, handle.message)
+        handle.failed = not native.is_cancelled(error)
+        handle.message = sentence(error) if handle.failed else CANCELLED
+        self.report({"ERROR" if handle.failed else "INFO"}, handle.message)
         return {"CANCELLED"}
 
 
@@ -162,8 +172,7 @@ class ONCUE_OT_cancel(bpy.types.Operator):
         return handle.run is not None
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
-        if handle.run is not None:
-            handle.run.cancel()
+        handle.stop(CANCELLED)
         return {"FINISHED"}
 
 
@@ -179,13 +188,12 @@ def _redraw(context: bpy.types.Context) -> None:
 
 @persistent
 def _stop_for_load(*_) -> None:
-    handle.stop_and_wait("The run was stopped because another file was opened.")
-    handle.end()
+    handle.stop("The run was stopped because another file was opened.")
 
 
 @persistent
 def _stop_for_undo(*_) -> None:
-    handle.stop_and_wait("The run was stopped because of an undo or redo.")
+    handle.stop("The run was stopped because of an undo or redo.")
 
 
 def register() -> None:
@@ -197,7 +205,6 @@ def register() -> None:
 
 def unregister() -> None:
     handle.stop_and_wait("The run was stopped because Oncue was disabled.")
-    handle.end()
     for handlers, ours in (
         (bpy.app.handlers.load_pre, _stop_for_load),
         (bpy.app.handlers.undo_pre, _stop_for_undo),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is drawn over the view at each cue: footprints, the facing, and a seated figure at a sit cue."""
+"""What is drawn over the view: footprints, facing, a seated figure and hands at the cues, and a mark at each pin."""
 
 from __future__ import annotations
 
@@ -12,21 +12,48 @@ from mathutils import Matrix, Vector
 
 from . import preferences
 from .bridge.cue_objects import KINDS
-from .bridge.cue_reader import ENDS, FEET, visible_cues
+from .bridge.cue_reader import FEET, HANDS, visible_cues
 from .bridge.names import CUE_KEY
+from .bridge.pins import read_pins
+from .bridge.session import current_action
 
 Lines = list[tuple[Vector, Vector]]
 LINE_WIDTH = 2.0
+PIN_COLOR = (1.0, 0.85, 0.2, 1.0)
+#: Sides of the body: the left lies at +X of who faces -Y.
+LEFT, RIGHT = 1, -1
+#: The left sole from above, metres from the ankle, its big toe towards -X.
+SOLE = (
+    *((0.010, 0.058), (0.034, 0.030), (0.036, -0.050), (0.050, -0.120), (0.046, -0.160), (0.022, -0.190)),
+    *((-0.016, -0.208), (-0.038, -0.195), (-0.044, -0.135), (-0.024, -0.050), (-0.030, 0.030)),
+)
+#: The left hand upright from before, metres from the wrist: across towards +X, and up; its thumb towards -X.
+PALM = (
+    *((0.025, 0.0), (0.042, 0.09), (0.052, 0.15), (0.040, 0.152), (0.026, 0.10), (0.028, 0.175), (0.014, 0.177)),
+    *((0.010, 0.105), (0.006, 0.185), (-0.008, 0.184), (-0.007, 0.105), (-0.018, 0.168), (-0.031, 0.164)),
+    *((-0.026, 0.092), (-0.036, 0.070), (-0.066, 0.100), (-0.074, 0.090), (-0.048, 0.038), (-0.025, 0.0)),
+)
 
 
-def footprint(x: float, y: float, length: float = 0.26) -> Lines:
+def closed(points: list[Vector]) -> Lines:
+    return list(zip(points, points[1:] + points[:1], strict=True))
+
+
+def footprint(x: float, y: float, side: int) -> Lines:
     """The outline of a sole on z = 0, toes towards -Y, the ankle at (x, y)."""
-    half = [(0.030, 0.055), (0.036, 0.02), (0.034, -0.05), (0.047, -0.12), (0.044, -0.17), (0.022, -0.20)]
-    scale = length / 0.26
-    right = [Vector((x + w * scale, y + d * scale, 0.005)) for w, d in half]
-    left = [Vector((x - w * scale, y + d * scale, 0.005)) for w, d in reversed(half)]
-    outline = right + left
-    return list(zip(outline, outline[1:] + outline[:1], strict=True))
+    return closed([Vector((x + side * across, y + along, 0.005)) for across, along in SOLE])
+
+
+def hand(x: float, side: int) -> Lines:
+    """The outline of an open hand over the wrist at (x, 0, 0), its palm towards -Y."""
+    return closed([Vector((x + side * across, 0.0, up)) for across, up in PALM])
+
+
+def diamond(size: float = 0.03) -> Lines:
+    """A mark around the origin."""
+    ring = [Vector((size, 0, 0)), Vector((0, size, 0)), Vector((-size, 0, 0)), Vector((0, -size, 0))]
+    ends = (Vector((0, 0, size)), Vector((0, 0, -size)))
+    return closed(ring) + [(corner, end) for corner in ring for end in ends]
 
 
 def arrow(start: float, length: float, z: float = 0.005) -> Lines:
@@ -40,24 +67,23 @@ def arrow(start: float, length: float, z: float = 0.005) -> Lines:
 
 
 def standing() -> Lines:
-    return footprint(0.10, 0.0) + footprint(-0.10, 0.0) + arrow(0.30, 0.35)
+    return footprint(0.10, 0.0, LEFT) + footprint(-0.10, 0.0, RIGHT) + arrow(0.30, 0.35)
 
 
 def seated(floor: float) -> Lines:
     """A stick figure whose pelvis is the origin; its feet stand at z = `floor`."""
     lines: Lines = [(Vector((0, 0, 0)), Vector((0, 0.03, 0.50))), (Vector((0, 0.03, 0.50)), Vector((0, 0.0, 0.58)))]
-    for side in (1, -1):
+    for side in (LEFT, RIGHT):
         hip, knee = Vector((0.095 * side, 0, -0.02)), Vector((0.11 * side, -0.44, -0.02))
         ankle = Vector((0.11 * side, -0.42, min(floor + 0.085, -0.1)))
         shoulder = Vector((0.17 * side, 0.03, 0.48))
         elbow, hand = Vector((0.20 * side, -0.02, 0.21)), Vector((0.14 * side, -0.24, 0.08))
         lines += [(Vector((0, 0, 0)), hip), (hip, knee), (knee, ankle)]
         lines += [(Vector((0, 0.03, 0.48)), shoulder), (shoulder, elbow), (elbow, hand)]
-        lines += [(a + Vector((0, 0, floor)), b + Vector((0, 0, floor))) for a, b in footprint(0.11 * side, -0.42)]
-    ring = [
-        Vector((0.085 * math.cos(t), -0.005, 0.68 + 0.11 * math.sin(t))) for t in (k * math.tau / 20 for k in range(20))
-    ]
-    lines += list(zip(ring, ring[1:] + ring[:1], strict=True))
+        sole = footprint(0.11 * side, -0.42, side)
+        lines += [(a + Vector((0, 0, floor)), b + Vector((0, 0, floor))) for a, b in sole]
+    around = [k * math.tau / 20 for k in range(20)]
+    lines += closed([Vector((0.085 * math.cos(t), -0.005, 0.68 + 0.11 * math.sin(t))) for t in around])
     return lines + arrow(0.70, 0.25, floor + 0.005)
 
 
@@ -68,7 +94,11 @@ def cue_lines(context: bpy.types.Context, cue: bpy.types.Object) -> Lines:
     to_world = Matrix.Translation(place) @ turn.to_matrix().to_4x4() @ Matrix.Scale(unit, 4)
     kind = cue[CUE_KEY]
     if kind in FEET:
-        lines = footprint(0.0, 0.0)
+        lines = footprint(0.0, 0.0, LEFT if kind == "left_foot" else RIGHT)
+    elif kind == "both_hands":
+        lines = hand(0.08, LEFT) + hand(-0.08, RIGHT)
+    elif kind in HANDS:
+        lines = hand(0.0, LEFT if kind == "left_hand" else RIGHT)
     elif kind == "sit":
         starts = visible_cues(context, "start")
         floor = (starts[0].matrix_world.translation.z - place.z) / unit if starts else -0.55
@@ -76,6 +106,14 @@ def cue_lines(context: bpy.types.Context, cue: bpy.types.Object) -> Lines:
     else:
         lines = standing()
     return [(to_world @ a, to_world @ b) for a, b in lines]
+
+
+def pin_lines(context: bpy.types.Context) -> Lines:
+    """What to draw for the character's pins, world space."""
+    places = [Vector(pin.position) for pin in read_pins(current_action(context.scene)) if pin.position]
+    unit = 1.0 / context.scene.oncue.scene_scale
+    mark = [(a * unit, b * unit) for a, b in diamond()]
+    return [(place + a, place + b) for place in places for a, b in mark]
 
 
 def _draw() -> None:
@@ -92,12 +130,16 @@ def _draw() -> None:
     shader.bind()
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     shader.uniform_float("lineWidth", LINE_WIDTH * context.preferences.system.ui_scale)
-    for cue in visible_cues(context, "start", *ENDS, *FEET):
+    drawn = [(PIN_COLOR, pin_lines(context))]
+    for cue in visible_cues(context, *KINDS):
         kind = cue[CUE_KEY]
         color = tuple(known.ghost_color) if known and kind == "sit" else KINDS[kind][3]
-        points = [tuple(point) for line in cue_lines(context, cue) for point in line]
-        shader.uniform_float("color", color)
-        batch_for_shader(shader, "LINES", {"pos": points}).draw(shader)
+        drawn.append((color, cue_lines(context, cue)))
+    for color, lines in drawn:
+        if lines:
+            points = [tuple(point) for line in lines for point in line]
+            shader.uniform_float("color", color)
+            batch_for_shader(shader, "LINES", {"pos": points}).draw(shader)
     gpu.state.blend_set("NONE")
 
 

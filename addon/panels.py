@@ -9,10 +9,13 @@ import bpy
 
 from . import native
 from .bridge import session
-from .bridge.cue_reader import ENDS, FEET, visible_cues
-from .bridge.names import CUE_KEY
+from .bridge.cue_objects import KINDS
+from .bridge.cue_reader import ENDS, HANDS, visible_cues
+from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
+from .bridge.pins import read_pins
 from .job_operator import handle
 
+CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
 #: Pixels that a character of the interface's font is wide, on average.
 CHARACTER_WIDTH = 7
 
@@ -34,15 +37,19 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
         row.operator("oncue.place_cue", text="Sit", icon="EMPTY_SINGLE_ARROW").kind = "sit"
         row.operator("oncue.place_cue", text="Stop", icon="SNAP_FACE").kind = "stop"
         layout.operator("oncue.sit_on_selection", icon="FACESEL")
-        row = layout.row(align=True)
-        row.operator("oncue.place_foot", text="Left Foot").side = "left"
-        row.operator("oncue.place_foot", text="Right Foot").side = "right"
+        header, limbs = layout.panel("oncue_limbs", default_closed=True)
+        header.label(text="Feet and Hands")
+        if limbs:
+            _draw_limbs(limbs.column(align=True))
         column = layout.column(align=True)
-        cues = visible_cues(context, "start", *ENDS, *FEET)
+        order = list(KINDS)
+        cues = sorted(visible_cues(context, *KINDS), key=lambda cue: order.index(cue[CUE_KEY]))
         for cue in cues:
-            row = column.row()
-            row.label(text=cue.name, icon="EMPTY_AXIS")
-            row.label(text=cue[CUE_KEY].replace("_", " "))
+            row = column.row(align=True)
+            row.label(text=cue.name, icon=CUE_ICONS.get(cue[CUE_KEY], "DOT"))
+            if cue[CUE_KEY] in HANDS:
+                for key in (FIRST_FRAME_KEY, LAST_FRAME_KEY):
+                    row.prop(cue, f'["{key}"]', text="")
         kinds = {cue[CUE_KEY] for cue in cues}
         if "start" not in kinds:
             column.label(text="No Start cue yet", icon="INFO")
@@ -109,9 +116,7 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
         row.scale_y = 1.6
         row.operator("oncue.synthesize", icon="ARMATURE_DATA")
         if handle.message:
-            write_lines(
-                context, layout.box(), handle.message, "INFO" if "cancelled" in handle.message.lower() else "ERROR"
-            )
+            write_lines(context, layout.box(), handle.message, "ERROR" if handle.failed else "INFO")
             if "Set Scene Scale" in handle.message:
                 row = layout.row(align=True)
                 for label, scale in (("Centimetres", 0.01), ("Millimetres", 0.001), ("Metres", 1.0)):
@@ -128,10 +133,32 @@ class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, report = self.layout, session.current_report(context.scene)
+        column = layout.column(align=True)
         for line, icon in result_lines(report):
-            layout.label(text=line, icon=icon)
+            column.label(text=line, icon=icon)
         for problem in session.problems_of(report):
             write_lines(context, layout.box(), problem, "ERROR")
+
+
+class ONCUE_PT_edit(OncuePanel, bpy.types.Panel):
+    bl_label = "Edit"
+    bl_order = 5
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return session.current_action(context.scene) is not None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        row = layout.row(align=True)
+        row.operator("oncue.pin", icon="PINNED")
+        row.operator("oncue.pin", text="Pin over Frames", icon="PREVIEW_RANGE").over_range = True
+        column = layout.column(align=True)
+        for index, pin in enumerate(read_pins(session.current_action(context.scene))):
+            row = column.row(align=True)
+            row.label(text=pin.title, icon="KEY_HLT" if pin.is_key else "PINNED")
+            row.operator("oncue.remove_pin", text="", icon="X", emboss=False).index = index
+        layout.operator("oncue.resolve", icon="FILE_REFRESH")
 
 
 def result_lines(report: dict) -> list[tuple[str, str]]:
@@ -143,15 +170,40 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
         for side, miss in zip(("Left", "Right"), cue.get("feet_cm", (None, None)), strict=True):
             if miss is not None:
                 lines.append((f"    {side} foot {miss:.1f} cm", "BLANK1"))
+    lines += _met_lines((report.get("edited") or {}).get("constraints", []), skip={c["cue"] for c in report["cues"]})
+    lines += _met_lines(report.get("artist", {}).get("constraints", []), skip=set())
     if "foot" in report:
         lines.append((f"Foot contact {report['foot']['contact_cm']:.1f} cm", "BLANK1"))
         lines.append((f"Skate {report['foot']['skate_cm']:.2f} cm a frame", "BLANK1"))
     if "penetration" in report:
-        lines.append((f"Penetration {report['penetration']['percent']:.1f} % of the frames", "BLANK1"))
+        lines.append((f"Clipping in {report['penetration']['percent']:.1f} % of the frames", "BLANK1"))
     seconds = report.get("extension", {}).get("seconds", {})
     if seconds:
         lines.append((f"Made in {sum(seconds.values()):.0f} s, seed {report.get('seed', 0)}", "TIME"))
     return lines
+
+
+def _met_lines(constraints: list[dict], skip: set[str]) -> list[tuple[str, str]]:
+    """One line for everything of one name that an edit was to meet: how far the worst of it is off."""
+    lines = []
+    for name in dict.fromkeys(c["name"] for c in constraints if c["name"] not in skip):
+        same = [c for c in constraints if c["name"] == name]
+        centimetres = [c["max_cm"] for c in same if c["max_cm"] is not None]
+        degrees = [c["max_degrees"] for c in same if c["max_degrees"] is not None]
+        off = [f"{max(centimetres):.1f} cm"] if centimetres else []
+        off += [f"{max(degrees):.1f}°"] if degrees else []
+        lines.append((f"{name}: {', '.join(off)}", "CHECKMARK" if all(c["met"] for c in same) else "ERROR"))
+    return lines
+
+
+def _draw_limbs(column: bpy.types.UILayout) -> None:
+    row = column.row(align=True)
+    row.operator("oncue.place_foot", text="Left Foot").side = "left"
+    row.operator("oncue.place_foot", text="Right Foot").side = "right"
+    row = column.row(align=True)
+    row.operator("oncue.place_hand", text="Left Hand").kind = "left_hand"
+    row.operator("oncue.place_hand", text="Right Hand").kind = "right_hand"
+    row.operator("oncue.place_hand", text="Both").kind = "both_hands"
 
 
 def _draw_progress(layout: bpy.types.UILayout) -> None:
@@ -176,14 +228,10 @@ def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: st
         column.label(text=line, icon=icon if k == 0 else "BLANK1")
 
 
-CLASSES = (ONCUE_UL_library, ONCUE_PT_cues, ONCUE_PT_library, ONCUE_PT_settings, ONCUE_PT_synthesize, ONCUE_PT_results)
+CLASSES = (
+    *(ONCUE_UL_library, ONCUE_PT_cues, ONCUE_PT_library, ONCUE_PT_settings),
+    *(ONCUE_PT_synthesize, ONCUE_PT_results, ONCUE_PT_edit),
+)
 
 
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

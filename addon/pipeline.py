@@ -16,6 +16,7 @@ import numpy as np
 
 from . import native
 from .errors import SceneError
+from .motion import Motion
 from .policy_cache import PolicyCache
 
 #: Ending of a library file that Oncue wrote.
@@ -45,6 +46,26 @@ class Request:
     preset: str = "default"
     seed: int = 0
     #: Settings that depart from the preset, nested as the preset's.
+    overrides: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class EditRequest:
+    """A motion of the core with the artist's keys in it, and what it is to meet."""
+
+    motion: Motion
+    #: Left and right foot, (frames, 2).
+    contacts: np.ndarray
+    #: {"joint", "frame"}: what stays exactly as it is in the motion.
+    keys: list[dict]
+    #: {"name", "joint", "first_frame", "positions", "rotations"}, world, metres.
+    constraints: list[dict]
+    #: World height of the floor, metres.
+    floor: float
+    #: Scene triangles as a `Request` has them, which a seated body is kept out of; None where there are none.
+    positions: np.ndarray | None = None
+    triangles: np.ndarray | None = None
+    preset: str = "default"
     overrides: dict = field(default_factory=dict)
 
 
@@ -86,6 +107,27 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     if policies and synthesis.report["updates"] and synthesis.report["success"]:
         policies.keep(scene, library, synthesis.policy)
     return Outcome(synthesis, seconds, skipped)
+
+
+def edit_steps(request: EditRequest) -> Steps:
+    """Solves an artist's edit; gives the core's edited motion."""
+    core, scene = native.require(), None
+    if request.positions is not None:
+        scene = yield from _finish(core.index_scene(request.positions, request.triangles))
+    settings = merged(core.default_settings(request.preset), request.overrides)
+    edited = yield from _finish(
+        core.edit_motion(
+            request.motion.root_positions,
+            request.motion.rotations,
+            request.contacts,
+            keys=request.keys,
+            constraints=request.constraints,
+            floor=request.floor,
+            scene=scene,
+            settings=settings,
+        )
+    )
+    return edited
 
 
 def merged(settings: dict, overrides: dict, where: str = "") -> dict:
@@ -194,14 +236,16 @@ class Run:
         while not self._finished:
             if self._job is not None and not self._job.done():
                 return False
+            if self._cancelled:
+                self._steps.close()
+                self._finished = True
+                break
             try:
                 self._job = next(self._steps)
             except StopIteration as stop:
                 self._value, self._finished = stop.value, True
             except Exception as error:  # kept for result(), which raises it where it is shown
                 self._error, self._finished = error, True
-            if self._cancelled and self._job is not None and not self._finished:
-                self._job.cancel()
         return True
 
     def wait(self, timeout_s: float) -> bool:

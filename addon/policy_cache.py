@@ -68,9 +68,9 @@ class PolicyCache:
         """Newest first."""
         return [Entry(path, path.stat().st_size, _origin(path)) for path in reversed(self._files())]
 
-    def clear(self) -> int:
-        """Throws all away; how many there were."""
-        files = self._files()
+    def clear(self, name: str = "") -> int:
+        """Throws the file `name` away, or all; how many there were."""
+        files = [path for path in self._files() if name in ("", path.name)]
         for path in files:
             path.unlink(missing_ok=True)
         return len(files)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import FloatVectorProperty, StringProperty
+from bpy.props import FloatVectorProperty, IntProperty, StringProperty
 
 from . import native
 
@@ -28,11 +28,30 @@ class OncuePreferences(bpy.types.AddonPreferences):
         default=(0.95, 0.55, 0.15, 0.9),
     )
 
-    def draw(self, _context) -> None:
+    policy_limit: IntProperty(
+        name="Kept Policies",
+        description="Megabytes of optimized policies that are kept for scenes that were hard; the oldest go first",
+        min=0,
+        max=10_000,
+        default=200,
+        subtype="NONE",
+    )
+
+    def draw(self, context) -> None:
+        from .bridge.policies import policy_cache  # the bridge asks for the preferences itself
+
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "mocap_folder")
         layout.prop(self, "ghost_color")
+        layout.prop(self, "policy_limit")
+        entries = policy_cache(context).entries()
+        for entry in entries:
+            row = layout.row()
+            row.label(text=f"{entry.describe()}, {entry.bytes / 1e6:.1f} MB", icon="FILE_CACHE")
+            row.operator("oncue.clear_policies", text="", icon="X").file = entry.path.name
+        if entries:
+            layout.operator("oncue.clear_policies", icon="TRASH")
         layout.label(
             text=native.MISSING or f"Core {native.core.__version__}", icon="ERROR" if native.MISSING else "CHECKMARK"
         )
@@ -44,9 +63,4 @@ def get(context: bpy.types.Context) -> OncuePreferences | None:
     return entry.preferences if entry else None
 
 
-def register() -> None:
-    bpy.utils.register_class(OncuePreferences)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(OncuePreferences)
+register, unregister = bpy.utils.register_classes_factory((OncuePreferences,))

@@ -5,6 +5,8 @@
         the demo room and the small task scenes
     python blend_fixtures/make_fixtures.py --room ROOM.glb --tasks rooms.tsv --out DIR
         DIR/ROOM-TASK.blend for each row of that room in the table
+    python blend_fixtures/make_fixtures.py --object DOOR.glb --tasks objects.tsv --out DIR
+        DIR/PART.blend for each moving part of that object in the table, opened by hand
 
 Metres; a heading is the angle of the forward direction from +X, degrees, counter-clockwise from above.
 Runs on the bpy module (4.2 to 5.2) and needs no Oncue core.
@@ -24,6 +26,7 @@ from mathutils import Vector
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[1])]
 
 import furniture as f  # noqa: E402
+from articulated import object_rows, object_task  # noqa: E402
 
 from addon.bridge.cue_objects import PELVIS_OVER_SEAT, make_cue, yaw_from_heading  # noqa: E402
 
@@ -190,14 +193,20 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder to write to")
     parser.add_argument("--only", nargs="+", choices=sorted(SCENES), help="these scenes only")
     parser.add_argument("--room", type=Path, help="a room as GLB")
-    parser.add_argument("--tasks", type=Path, help="the table of its tasks, tab-separated")
+    parser.add_argument("--object", type=Path, help="an object with moving parts as GLB")
+    parser.add_argument("--tasks", type=Path, help="the table of its tasks or parts, tab-separated")
     options = parser.parse_args(arguments)
-    if (options.room is None) != (options.tasks is None):
-        parser.error("--room and --tasks belong together")
+    if (options.tasks is not None) != ((options.room or options.object) is not None):
+        parser.error("--tasks belongs to --room or to --object")
     if options.room:
         for row in room_rows(options.tasks, options.room.stem):
             room_task(options.room, row)
             save(options.out / f"{options.room.stem}-{row['task']}.blend")
+        return
+    if options.object:
+        for row in object_rows(options.tasks, options.object.stem):
+            object_task(new_scene(), options.object, row)
+            save(options.out / f"{row['moving_node']}.blend")
         return
     for name in options.only or SCENES:
         SCENES[name]()

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures that a person can judge a motion by, drawn without a display by Workbench.
 
-    python blend_fixtures/render.py FILE.blend --picture demo.png [--video demo.mp4]
-    python blend_fixtures/render.py FILE.blend --sheet sheet.png [--views overview follow seat] [--frames 10]
+    python blend_fixtures/render.py FILE.blend --picture demo.png [--video demo.mp4] [--sheet sheet.png]
 
 The picture shows the room cut open towards the camera, the way on the floor and the figure at several moments,
-blue at the start and orange at the end. A sheet is a grid: a row a view, the same frames in each.
+blue at the start and orange at the end. A sheet is a grid: a column a telling moment (start, walking, the turn before
+the seat, half-way down, seated), a row each for the room, the figure, and closely its feet or the seat.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import argparse
 import math
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy  # before bmesh: the bpy module brings it
@@ -26,72 +25,19 @@ from mathutils import Vector
 
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[1])]
 
+from cameras import APART, BODY, FEET, LEFT_HAND, LENS, RIGHT_HAND, SEAT, Shot, Sight, View  # noqa: E402
+from walk import Walk, read_walk  # noqa: E402
+
 from addon.bridge import compat  # noqa: E402
 from addon.bridge.names import CHARACTER_KEY, CUE_KEY  # noqa: E402
 
-PICTURE_SIZE, SHEET_SIZE, VIDEO_SIZE = (1600, 900), (480, 400), (640, 360)
+PICTURE_SIZE, SHEET_SIZE, VIDEO_SIZE = (1600, 900), (480, 440), (640, 360)
 #: Without a GPU a frame takes 0.2 s; a video is to take less than a minute.
 VIDEO_FRAMES = 200
 #: Colours from the start of the motion to its end, linear RGB.
 GRADE = np.array([(0.06, 0.20, 0.62), (0.05, 0.45, 0.45), (0.55, 0.50, 0.08), (0.85, 0.25, 0.04)])
 #: What blocks the view is cut off this high over the floor; nothing is shown above the ceiling's height. Metres.
 STUMP, CEILING = 0.25, 2.3
-LENS = 40.0
-#: Nearer to the end than this the picture shows the last posture only, metres.
-APART = 0.7
-
-
-@dataclass
-class Walk:
-    """The keyed motion, as the pictures need it."""
-
-    character: bpy.types.Object
-    bodies: list[bpy.types.Object]
-    frames: np.ndarray
-    #: Root joint and head joint in the world at each frame, shape (frames, 3).
-    roots: np.ndarray
-    heads: np.ndarray
-    #: Where the pelvis faces on the floor at each frame, unit vectors (frames, 2).
-    facings: np.ndarray
-    floor: float
-
-    def moments(self, count: int, apart: float = 0.0) -> np.ndarray:
-        """Frames that share the motion evenly between them, first and last included.
-
-        With `apart`, none but the last shows the figure within that many metres of where it ends.
-        """
-        step = np.linalg.norm(np.diff(self.roots, axis=0), axis=1) + np.linalg.norm(np.diff(self.heads, axis=0), axis=1)
-        way = np.concatenate([[0.0], np.cumsum(step + 1e-5)])
-        away = np.linalg.norm(self.roots[:, :2] - self.roots[-1, :2], axis=1) >= apart
-        last = int(np.flatnonzero(away)[-1]) if apart and away.any() else len(way) - 1
-        parts = np.linspace(0.0, way[last], count - 1 if apart else count)
-        chosen = [int(np.abs(way - part).argmin()) for part in parts]
-        return self.frames[sorted({*chosen, len(way) - 1})]
-
-
-def read_walk(scene: bpy.types.Scene) -> Walk:
-    """The motion of the scene's character. Raises SystemExit when there is none."""
-    found = [o for o in scene.objects if o.type == "ARMATURE" and o.get(CHARACTER_KEY)]
-    found = [o for o in found if o.animation_data and o.animation_data.action]
-    if not found:
-        raise SystemExit("The file has no character with an action: run a synthesis first.")
-    character = found[0]
-    first, last = character.animation_data.action.frame_range
-    frames = np.arange(int(first), int(last) + 1)
-    roots, heads, facings, lowest = [], [], [], math.inf
-    for frame in frames:
-        scene.frame_set(int(frame))
-        posed = character.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        world, bones = posed.matrix_world, posed.pose.bones
-        roots.append(world @ bones["Hips"].head)
-        heads.append(world @ bones["Head"].head)
-        across = world.to_3x3() @ (bones["LeftUpLeg"].head - bones["RightUpLeg"].head)
-        facings.append(Vector((across.y, -across.x)).normalized())
-        lowest = min(lowest, (world @ bones["LeftToe"].head).z, (world @ bones["RightToe"].head).z)
-    bodies = [o for o in scene.objects if o.type == "MESH" and o.get(CHARACTER_KEY)]
-    starts = [o.matrix_world.translation.z for o in scene.objects if o.get(CUE_KEY) == "start"]
-    floor = starts[0] if starts else lowest - 0.025
-    return Walk(character, bodies, frames, np.array(roots), np.array(heads), np.array(facings), floor)
 
 
 # --- the stage -------------------------------------------------------------------------------------------------------
@@ -124,11 +70,11 @@ def prepare(scene: bpy.types.Scene, size: tuple[int, int]) -> bpy.types.Object:
     return camera
 
 
-def aim(camera: bpy.types.Object, place: Vector, target: Vector, *, see_from: float = 0.05) -> None:
-    """Points the camera; what is nearer than `see_from` metres is not drawn."""
-    camera.location = place
-    camera.rotation_euler = (target - place).to_track_quat("-Z", "Y").to_euler()
-    camera.data.clip_start, camera.data.clip_end = max(see_from, 0.05), 200.0
+def aim(camera: bpy.types.Object, view: View) -> None:
+    """Points the camera."""
+    camera.location = view.place
+    camera.rotation_euler = (view.target - view.place).to_track_quat("-Z", "Y").to_euler()
+    camera.data.clip_start, camera.data.clip_end = max(view.see_from, 0.05), 200.0
 
 
 def open_room(scene: bpy.types.Scene, walk: Walk, camera_place: Vector) -> None:
@@ -282,79 +228,6 @@ def _plain(name: str, color) -> bpy.types.Material:
     return material
 
 
-# --- cameras ---------------------------------------------------------------------------------------------------------
-
-
-def overview(walk: Walk, aspect: float) -> tuple[Vector, Vector]:
-    """Camera place and target from which the whole way shows, the last posture from the front or side."""
-    low = np.append(walk.roots[:, :2].min(axis=0) - 0.55, walk.floor)
-    high = np.append(walk.roots[:, :2].max(axis=0) + 0.55, walk.floor + 1.75)
-    corners = np.array([(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
-    target = Vector((low + high) / 2)
-    facing = math.atan2(walk.facings[-1][1], walk.facings[-1][0])
-    depsgraph, scene = bpy.context.evaluated_depsgraph_get(), bpy.context.scene
-    best = None
-    for turn in (35, -35, 55, -55, 15, -15, 80, -80):
-        azimuth, height = facing + math.radians(turn), math.radians(40)
-        towards = Vector((math.cos(azimuth) * math.cos(height), math.sin(azimuth) * math.cos(height), math.sin(height)))
-        place = target + towards * _distance(corners, target, towards, aspect)
-        hidden = sum(_hidden(scene, depsgraph, Vector(p), towards) for p in (*walk.roots[::6], *(walk.heads[::6])))
-        cost = hidden + 4 * _in_front_of_the_end(walk, azimuth) + 2 * _lined_up(walk, azimuth) + abs(turn) * 0.02
-        if best is None or cost < best[0]:
-            best = (cost, place)
-    return best[1], target
-
-
-def _in_front_of_the_end(walk: Walk, azimuth: float) -> int:
-    """How many postures on the way would cover the last one, seen from this azimuth."""
-    towards = np.array([math.cos(azimuth), math.sin(azimuth)])
-    away = walk.roots[::8, :2] - walk.roots[-1, :2]
-    ahead, aside = away @ towards, np.abs(away @ np.array([-towards[1], towards[0]]))
-    return int(((np.linalg.norm(away, axis=1) > APART) & (ahead > 0.0) & (ahead < 2.2) & (aside < 0.5)).sum())
-
-
-def _lined_up(walk: Walk, azimuth: float) -> int:
-    """How many of the shown postures stand one behind the other, seen from this azimuth."""
-    places = walk.roots[walk.moments(8, apart=APART) - walk.frames[0], :2]
-    aside = places @ np.array([-math.sin(azimuth), math.cos(azimuth)])
-    return int((np.abs(np.diff(aside)) < 0.3).sum())
-
-
-def _distance(corners: np.ndarray, target: Vector, towards: Vector, aspect: float) -> float:
-    """How far the camera must stand for all corners to be in the picture."""
-    half = math.atan(18.0 / LENS)
-    tan_x, tan_y = math.tan(half), math.tan(half) / aspect
-    back = np.array(towards)
-    right = np.cross([0, 0, 1], back)
-    right /= np.linalg.norm(right)
-    up = np.cross(back, right)
-    local = corners - np.array(target)
-    depth = local @ back
-    return 1.04 * float(max((np.abs(local @ right) / tan_x + depth).max(), (np.abs(local @ up) / tan_y + depth).max()))
-
-
-def _hidden(scene, depsgraph, point: Vector, towards: Vector) -> bool:
-    """Whether furniture (what is lower than a wall) hides a point; walls are cut away anyway."""
-    hit, place, _, _, thing, _ = scene.ray_cast(depsgraph, point + towards * 0.3, towards, distance=8.0)
-    return bool(hit and not thing.get(CHARACTER_KEY) and place.z < 1.4)
-
-
-def follow(walk: Walk, index: int, distance: float = 3.4) -> tuple[Vector, Vector]:
-    """A camera at chest height beside the figure that goes along with it, on the same side throughout."""
-    near = slice(max(index - 20, 0), index + 20)
-    facing = walk.facings[near].mean(axis=0)
-    heading = math.atan2(facing[1], facing[0]) - math.radians(65)
-    target = Vector((*walk.roots[index][:2], walk.floor + 0.85))
-    return target + Vector((math.cos(heading), math.sin(heading), 0.12)) * distance, target
-
-
-def seat(walk: Walk, distance: float = 2.6) -> tuple[Vector, Vector]:
-    """A still camera on the last posture, from the side and a little from the front."""
-    heading = math.atan2(walk.facings[-1][1], walk.facings[-1][0]) - math.radians(62)
-    target = Vector((*(walk.roots[-1][:2] + walk.facings[-1] * 0.15), walk.floor + 0.62))
-    return target + Vector((math.cos(heading), math.sin(heading), 0.22)) * distance, target
-
-
 # --- outputs ---------------------------------------------------------------------------------------------------------
 
 
@@ -367,52 +240,56 @@ def draw(scene: bpy.types.Scene, path: Path) -> None:
 def picture(blend: Path, out: Path, moments: int = 8) -> None:
     """One picture: the open room, the way, the figure at `moments` moments."""
     scene, walk, camera = _open(blend, PICTURE_SIZE)
-    place, target = overview(walk, PICTURE_SIZE[0] / PICTURE_SIZE[1])
-    aim(camera, place, target)
-    open_room(scene, walk, place)
+    _overview(scene, walk, camera, PICTURE_SIZE)
     add_ghosts(scene, walk, moments)
     add_way(scene, walk)
     draw(scene, out)
 
 
-def sheet(blend: Path, out: Path, views: list[str], count: int = 10) -> None:
-    """A grid of pictures: a row a view, `count` columns; the seat's row shows the end of the motion more closely."""
+def sheet(blend: Path, out: Path) -> None:
+    """A grid of pictures: a column a telling moment; the room, the figure, and its feet or the seat."""
     scene, walk, camera = _open(blend, SHEET_SIZE)
-    place, target = overview(walk, SHEET_SIZE[0] / SHEET_SIZE[1])
-    rows = []
+    moments, figures, details = walk.telling(), [], []
     with tempfile.TemporaryDirectory() as folder:
-        # What needs the whole room comes before the room is opened.
-        for view in sorted(views, key=lambda v: v == "overview"):
-            if view == "overview":
-                open_room(scene, walk, place)
-            frames = walk.frames[-min(len(walk.frames), 120) :] if view == "seat" else walk.frames
-            chosen = np.unique(np.linspace(0, len(frames) - 1, count).astype(int)) if view == "seat" else None
-            shown = frames[chosen] if chosen is not None else walk.moments(count)
-            row = []
-            for frame in shown:
-                scene.frame_set(int(frame))
-                index = int(frame - walk.frames[0])
-                if view == "overview":
-                    aim(camera, place, target)
-                elif view == "follow":
-                    aim(camera, *follow(walk, index), see_from=3.4 - 0.9)
-                else:
-                    aim(camera, *seat(walk), see_from=2.6 - 1.0)
-                _stamp(scene, f"{view}  frame {frame}")
-                draw(scene, Path(folder) / "cell.png")
-                row.append(_pixels(Path(folder) / "cell.png"))
-            row += [np.ones_like(row[0])] * (count - len(row))
-            rows.append((views.index(view), np.concatenate(row, axis=1)))
+        cell = Path(folder) / "cell.png"
+
+        def shown(index: int, view: View, note: str) -> np.ndarray:
+            scene.frame_set(int(walk.frames[index]))
+            aim(camera, view)
+            _stamp(scene, note)
+            draw(scene, cell)
+            return _pixels(cell)
+
+        for what, index in moments:
+            scene.frame_set(int(walk.frames[index]))
+            sight, frame = Sight(walk), f"frame {walk.frames[index]}"
+            figures.append(shown(index, sight.best(BODY, index), f"{what}, {frame}"))
+            detail, shot = _detail(walk, what)
+            details.append(shown(index, sight.best(shot, index), f"{detail}, {frame}"))
+        # What needs the whole room comes before the room is opened, which nothing moves in any more.
+        if walk.hands:
+            view = Sight(walk).overview(SHEET_SIZE[0] / SHEET_SIZE[1])
+        else:
+            view = _overview(scene, walk, camera, SHEET_SIZE)
+        add_way(scene, walk)
+        rooms = [shown(index, view, f"{what}, frame {walk.frames[index]}") for what, index in moments]
     # Blender's pictures begin at the bottom.
-    _write_pixels(out, np.concatenate([row for _, row in sorted(rows, key=lambda r: -r[0])], axis=0))
+    rows = [np.concatenate(row, axis=1) for row in (details, figures, rooms)]
+    _write_pixels(out, np.concatenate(rows, axis=0))
+
+
+def _detail(walk: Walk, what: str) -> tuple[str, Shot]:
+    """What is worth a close look at a moment."""
+    if what in {"taking hold", "half-way", "letting go"}:
+        return "hand", LEFT_HAND if walk.hands[0][0] == "left" else RIGHT_HAND
+    sits = any(moment == "half-way down" for moment, _ in walk.telling())
+    return ("seat", SEAT) if sits and what in {"half-way down", "end"} else ("feet", FEET)
 
 
 def video(blend: Path, out: Path) -> None:
     """The motion from the overview camera in its own time, H264; long motions at half or a third of the frames."""
     scene, walk, camera = _open(blend, VIDEO_SIZE)
-    place, target = overview(walk, VIDEO_SIZE[0] / VIDEO_SIZE[1])
-    aim(camera, place, target)
-    open_room(scene, walk, place)
+    _overview(scene, walk, camera, VIDEO_SIZE)
     add_way(scene, walk)
     scene.frame_start, scene.frame_end = int(walk.frames[0]), int(walk.frames[-1])
     step = math.ceil(len(walk.frames) / VIDEO_FRAMES)
@@ -420,6 +297,14 @@ def video(blend: Path, out: Path) -> None:
     compat.use_video(scene.render)
     scene.render.filepath = str(out.resolve())
     bpy.ops.render.render(animation=True)
+
+
+def _overview(scene: bpy.types.Scene, walk: Walk, camera: bpy.types.Object, size: tuple[int, int]) -> View:
+    """Opens the room towards a camera that sees the whole way."""
+    view = Sight(walk).overview(size[0] / size[1])
+    aim(camera, view)
+    open_room(scene, walk, view.place)
+    return view
 
 
 def _open(blend: Path, size: tuple[int, int]) -> tuple[bpy.types.Scene, Walk, bpy.types.Object]:
@@ -461,16 +346,12 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--sheet", type=Path)
     parser.add_argument("--video", type=Path)
-    parser.add_argument(
-        "--views", nargs="+", default=["overview", "follow", "seat"], choices=["overview", "follow", "seat"]
-    )
-    parser.add_argument("--frames", type=int, default=10, help="columns of the sheet")
     options = parser.parse_args(arguments)
     if not (options.picture or options.sheet or options.video):
         parser.error("say what to draw: --picture, --sheet or --video")
     for out, make in (
         (options.picture, lambda: picture(options.blend, options.picture)),
-        (options.sheet, lambda: sheet(options.blend, options.sheet, options.views, options.frames)),
+        (options.sheet, lambda: sheet(options.blend, options.sheet)),
         (options.video, lambda: video(options.blend, options.video)),
     ):
         if out:

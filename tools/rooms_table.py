@@ -1,9 +1,11 @@
-"""Runs the main job on tasks of a rooms.tsv through Blender, and writes the table and a contact sheet of each.
+"""Runs the main job on real rooms and objects through Blender, and writes a table and a contact sheet of each task.
 
-`python -m nox -s rooms -- --rooms FOLDER --out docs/rooms --title TITLE [--task ROOM:N …] [--library PATH …]`
+`python -m nox -s rooms` makes the tables of docs/rooms: the rooms with the starter library alone, and with ACCAD's
+captures, which lack sits and get the starter's; and the objects that a hand opens. Rooms, objects and captures are
+those of `../shared/data`, or of `$ONCUE_SHARED/data`.
 
 For each task: `blend_fixtures/make_fixtures.py` makes the scene, `addon/batch.py` synthesizes,
-`blend_fixtures/render.py` draws. A task whose report is already in the work folder is not run again.
+`blend_fixtures/render.py` draws.
 """
 
 from __future__ import annotations
@@ -15,116 +17,227 @@ import json
 import os
 import platform
 import subprocess
-import sys
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
+DATA = Path(os.environ.get("ONCUE_SHARED", ROOT.parent / "shared")) / "data"
+#: Two scanned rooms and a modelled flat.
+TASKS = ("quest_living_room", "quest_meeting_room", "sh3d_Studio:1", "sh3d_Studio:2")
+TABLES = ("starter", "accad", "objects")
+#: Exit statuses of batch.py with a motion: the cue was met, or missed.
+WRITTEN = (0, 3)
+#: What counts as met, centimetres and degrees.
+NEAR, TURNED = 10.0, 20.0
+SHEET_WIDTH = 2000
 
-HEADINGS = [
-    "task", "seconds", "updates", "pelvis cm", "facing °", "contact cm", "skate cm/frame", "sole low cm/frame",
-    "penetration %", "whole body %", "path m", "shortest m", "what went wrong",
-]  # fmt: skip
+
+@dataclass(frozen=True)
+class Task:
+    """One row of a table: the scene's name, what it is called, and the words that make it."""
+
+    name: str
+    label: str
+    make: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Table:
+    """One library over some tasks."""
+
+    name: str
+    title: str
+    tasks: list[Task]
+    #: Heading → what stands under it, from a report.
+    columns: dict[str, Callable[[dict[str, Any]], str]]
+    library: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Row:
+    """What one task came to; `figures` is its report, or None where there is no motion."""
+
+    task: str
+    sheet: Path
+    seconds: float
+    figures: dict[str, Any] | None
+    problem: str
+
+    @property
+    def met(self) -> bool:
+        """The cue, and by the hand all that it followed."""
+        if self.figures is None:
+            return False
+        cue, hands = self.figures["cues"][0], hands_of(self.figures)
+        near = cue["pelvis_cm"] <= NEAR and abs(cue["facing_degrees"]) <= TURNED
+        expected = len(self.figures["task"].get("manipulations", []))
+        return near and len(hands) >= expected and all(hand["met"] for hand in hands)
+
+
+def hands_of(report: dict[str, Any]) -> list[dict[str, Any]]:
+    """What is left of the hands' paths."""
+    constraints = (report.get("edited") or {}).get("constraints", [])
+    return [found for found in constraints if found["joint"].endswith("Hand")]
+
+
+def hand_cm(report: dict[str, Any], which: str) -> str:
+    found = [hand[which] for hand in hands_of(report)]
+    return f"{max(found):.2f}" if found else ""
+
+
+ROOM_COLUMNS = {
+    "updates": lambda r: str(r["updates"]),
+    "pelvis cm": lambda r: f"{r['cues'][0]['pelvis_cm']:.1f}",
+    "facing °": lambda r: f"{r['cues'][0]['facing_degrees']:.1f}",
+    "contact cm": lambda r: f"{r['foot']['contact_cm']:.2f}",
+    "skate cm/frame": lambda r: f"{r['foot']['skate_cm']:.3f}",
+    "sole low cm/frame": lambda r: f"{r['foot']['low_skate_cm']:.2f}",
+    "penetration %": lambda r: f"{r['penetration']['percent']:.1f}",
+    "whole body %": lambda r: f"{r['penetration']['whole_body_percent']:.1f}",
+    "path m": lambda r: f"{r['path_m']:.1f}",
+    "shortest m": lambda r: f"{r['shortest_path_m']:.1f}",
+}
+OBJECT_COLUMNS = {
+    "hand's way s": lambda r: f"{len(r['task']['manipulations'][0]['path']) / 30:.1f}",
+    "hand off, mean cm": lambda r: hand_cm(r, "mean_cm"),
+    "hand off, max cm": lambda r: hand_cm(r, "max_cm"),
+    "editing s": lambda r: f"{r['edited']['seconds']:.1f}" if r["edited"] else "",
+    **{name: ROOM_COLUMNS[name] for name in ("pelvis cm", "facing °", "contact cm", "skate cm/frame", "whole body %")},
+}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--python", required=True, help="a Python with bpy and oncue_core")
-    parser.add_argument("--rooms", type=Path, required=True, help="a folder with rooms.tsv and the rooms' GLB files")
-    parser.add_argument("--out", type=Path, required=True, help="where the table and the sheets go")
-    parser.add_argument("--title", default="The starter library alone")
-    parser.add_argument("--task", nargs="+", default=[], metavar="ROOM[:N]")
-    parser.add_argument("--library", nargs="+", default=[])
+    parser.add_argument("--rooms", type=Path, default=DATA / "rooms", help="rooms.tsv and the rooms' GLB files")
+    parser.add_argument("--objects", type=Path, default=DATA / "objects", help="objects.tsv and the objects' GLB files")
+    parser.add_argument("--accad", type=Path, default=DATA / "mocap" / "accad", help="ACCAD's .bvh files")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "rooms", help="for the tables and the sheets")
+    parser.add_argument("--table", nargs="+", choices=TABLES, default=TABLES)
+    parser.add_argument("--task", nargs="+", default=TASKS, metavar="ROOM[:N]", help="rooms; `all` for every one")
     parser.add_argument("--seed", default="1")
     parser.add_argument("--no-sheets", action="store_true")
+    parser.add_argument("--keep", action="store_true", help="keep the motions of an earlier call, draw them anew")
     options = parser.parse_args()
-    name = options.title.lower().replace(" ", "-")
-    work = ROOT / "out" / "rooms" / name
-    work.mkdir(parents=True, exist_ok=True)
+    for file in (options.rooms / "rooms.tsv", options.objects / "objects.tsv", options.accad):
+        if not file.exists():
+            parser.error(f"{file} is not there: name it, or set ONCUE_SHARED")
+    rooms, objects = room_tasks(options.rooms, options.task), object_tasks(options.objects)
+    captures = (str(options.accad),)
+    tables = {
+        "starter": Table("starter", "The starter library alone", rooms, ROOM_COLUMNS),
+        "accad": Table("accad", "ACCAD's captures with the starter library's sits", rooms, ROOM_COLUMNS, captures),
+        "objects": Table("objects", "What a hand opens", objects, OBJECT_COLUMNS),
+    }
     options.out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for room, task in tasks(options.rooms / "rooms.tsv", options.task):
-        rows.append(run(options, work, room, task))
-        write_table(options, name, rows)
-        print(" | ".join(rows[-1]), flush=True)
+    for table in (tables[name] for name in options.table):
+        rows: list[Row] = []
+        for task in table.tasks:
+            rows.append(run(options, table, task))
+            (options.out / f"{table.name}.md").write_text(markdown(options, table, rows), encoding="utf-8")
+            print(f"{table.name}: {' | '.join(cells(table, rows[-1]))}", flush=True)
 
 
-def tasks(table: Path, wanted: list[str]) -> list[tuple[str, str]]:
+def rows_of(table: Path) -> list[dict[str, str]]:
     with table.open(newline="", encoding="utf-8") as file:
-        every = [(row["room"], row["task"]) for row in csv.DictReader(file, delimiter="\t")]
-    return [(r, t) for r, t in every if not wanted or r in wanted or f"{r}:{t}" in wanted]
+        return list(csv.DictReader(file, delimiter="\t"))
 
 
-def run(options: argparse.Namespace, work: Path, room: str, task: str) -> list[str]:
-    scene, result = work / "scenes" / f"{room}-{task}.blend", work / f"{room}-{task}.blend"
-    report = result.with_suffix(".json")
-    call = [options.python, str(ROOT / "blend_fixtures/make_fixtures.py")]
-    if not scene.exists():
-        glb, table = options.rooms / f"{room}.glb", options.rooms / "rooms.tsv"
-        quietly([*call, "--room", str(glb), "--tasks", str(table), "--out", str(scene.parent)])
-    seconds = ""
-    if not report.exists():
-        library = ["--library", *options.library] if options.library else []
-        begun = time.monotonic()
-        code, said = quietly(
-            [options.python, str(ROOT / "addon/batch.py"), str(scene), "--out", str(result), "--report", str(report),
-             "--seed", options.seed, *library]
-        )  # fmt: skip
-        seconds = f"{time.monotonic() - begun:.0f}"
-        if code not in (0, 3):
-            return [f"{room} {task}", seconds, *[""] * (len(HEADINGS) - 3), said.strip().splitlines()[-1]]
-        (work / f"{room}-{task}.seconds").write_text(seconds)
-    figures: dict[str, Any] = json.loads(report.read_text())
-    sheet = options.out / f"{work.name}-{room}-{task}.jpg"
-    if not options.no_sheets and not sheet.exists():
-        png = work / f"{room}-{task}.png"
-        quietly(
-            [options.python, str(ROOT / "blend_fixtures/render.py"), str(result), "--sheet", str(png), "--frames", "6"]
-        )
-        with Image.open(png) as image:
-            image.convert("RGB").resize((1680, round(image.height * 1680 / image.width))).save(sheet, quality=82)
-    seconds = (work / f"{room}-{task}.seconds").read_text()
-    cue, foot, penetration = figures["cues"][0], figures["foot"], figures["penetration"]
+def room_tasks(folder: Path, wanted: list[str]) -> list[Task]:
+    table, tasks = folder / "rooms.tsv", []
+    for row in rows_of(table):
+        room, number = row["room"], row["task"]
+        if "all" in wanted or room in wanted or f"{room}:{number}" in wanted:
+            make = ("--room", str(folder / f"{room}.glb"), "--tasks", str(table))
+            tasks.append(Task(f"{room}-{number}", f"{room} {number}", make))
+    return tasks
+
+
+def object_tasks(folder: Path) -> list[Task]:
+    table = folder / "objects.tsv"
     return [
-        f"[{room} {task}]({sheet.name})", seconds, str(figures["updates"]), f"{cue['pelvis_cm']:.1f}",
-        f"{cue['facing_degrees']:.1f}", f"{foot['contact_cm']:.2f}", f"{foot['skate_cm']:.3f}",
-        f"{foot['low_skate_cm']:.2f}", f"{penetration['percent']:.1f}", f"{penetration['whole_body_percent']:.1f}",
-        f"{figures['path_m']:.1f}", f"{figures['shortest_path_m']:.1f}", " ".join(figures["problems"]),
-    ]  # fmt: skip
+        Task(part, part.replace("_", " "), ("--object", str(folder / row["file"]), "--tasks", str(table)))
+        for row in rows_of(table)
+        for part in [row["moving_node"]]
+    ]
 
 
-def quietly(command: list[str]) -> tuple[int, str]:
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+def run(options: argparse.Namespace, table: Table, task: Task) -> Row:
+    """Makes one task's scene, motion and sheet."""
+    work = ROOT / "out" / "rooms"
+    scene, result = work / "scenes" / f"{task.name}.blend", work / table.name / f"{task.name}.blend"
+    report, clock, sheet = result.with_suffix(".json"), result.with_suffix(".seconds"), result.with_suffix(".png")
+    published = options.out / f"{table.name}-{task.name}.jpg"
+    if not scene.exists():
+        checked(quietly(options, "blend_fixtures/make_fixtures.py", *task.make, "--out", str(scene.parent)))
+    if not (options.keep and report.exists()):
+        library = ["--library", *table.library] if table.library else []
+        files = [str(scene), "--out", str(result), "--report", str(report)]
+        began = time.monotonic()
+        status, said = quietly(options, "addon/batch.py", *files, "--seed", options.seed, *library)
+        clock.parent.mkdir(parents=True, exist_ok=True)
+        clock.write_text(f"{time.monotonic() - began:.1f}")
+        if status not in WRITTEN:
+            return Row(task.label, published, float(clock.read_text()), None, said.strip().splitlines()[-1])
+    figures = json.loads(report.read_text())
+    if not options.no_sheets:
+        checked(quietly(options, "blend_fixtures/render.py", str(result), "--sheet", str(sheet)))
+        with Image.open(sheet) as image:
+            height = round(image.height * SHEET_WIDTH / image.width)
+            image.convert("RGB").resize((SHEET_WIDTH, height)).save(published, quality=80)
+    problem = " ".join(figures["problems"])
+    return Row(task.label, published, float(clock.read_text()), figures, problem)
+
+
+def quietly(options: argparse.Namespace, script: str, *arguments: str) -> tuple[int, str]:
+    """The exit status and the words of one of the repository's scripts."""
+    command = [options.python, str(ROOT / script), *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     return done.returncode, done.stdout + done.stderr
 
 
-def write_table(options: argparse.Namespace, name: str, rows: list[list[str]]) -> None:
-    met = [row for row in rows if row[3] and float(row[3]) < 10 and float(row[4]) < 20 and not row[-1]]
-    mean = sum(float(row[8]) for row in rows if row[8]) / max(1, sum(bool(row[8]) for row in rows))
-    # Folders by their names: where they lie on this machine is nobody's business.
-    said = [Path(word).name if "/" in word else f"'{word}'" if " " in word else word for word in sys.argv[3:]]
+def checked(outcome: tuple[int, str]) -> None:
+    """Ends with the words of a script that failed."""
+    if outcome[0]:
+        raise SystemExit(outcome[1][-2000:])
+
+
+def cells(table: Table, row: Row) -> list[str]:
+    name = f"[{row.task}]({row.sheet.name})" if row.sheet.exists() else row.task
+    figures = [show(row.figures) if row.figures else "" for show in table.columns.values()]
+    return [name, f"{row.seconds:.0f}", *figures, row.problem]
+
+
+def markdown(options: argparse.Namespace, table: Table, rows: list[Row]) -> str:
+    percent = [row.figures["penetration"]["percent"] for row in rows if row.figures]
+    headings = ["task", "seconds", *table.columns, "what went wrong"]
+    # Folders are left out: where they lie on this machine is nobody's business.
+    command = f"--table {table.name}" + ("" if options.seed == "1" else f" --seed {options.seed}")
     lines = [
-        f"# {options.title}",
+        f"# {table.title}",
         "",
         f"{datetime.date.today()}, {os.cpu_count()} cores ({platform.machine()}), seed {options.seed}: "
-        f"{len(met)} of {len(rows)} tasks end seated within 10 cm and 20° of the cue; "
-        f"mean penetration {mean:.2f} % of the frames.",
+        f"{sum(row.met for row in rows)} of {len(rows)} tasks end within {NEAR:.0f} cm and {TURNED:.0f}° of the cue, "
+        f"the hand within 1 cm of its path where there is one; mean penetration "
+        f"{sum(percent) / max(1, len(percent)):.2f} % of the frames.",
         "",
-        "| " + " | ".join(HEADINGS) + " |",
-        "|" + "---|" * len(HEADINGS),
-        *["| " + " | ".join(row) + " |" for row in rows],
+        "| " + " | ".join(headings) + " |",
+        "|" + "---|" * len(headings),
+        *["| " + " | ".join(cells(table, row)) + " |" for row in rows],
         "",
         "Seconds are those of the whole batch command, Blender's start included. Contact and penetration are the",
         "paper's measures; `sole low` is the speed of every foot within 1 cm of the floor, whatever its label;",
         "`whole body` counts any crossing of any limb, the torso, the head or the feet outside the seat's.",
         "",
-        f"Made by `python -m nox -s rooms -- {' '.join(said)}`.",
+        f"Made by `python -m nox -s rooms -- {command}`.",
         "",
     ]
-    (options.out / f"{name}.md").write_text("\n".join(lines), encoding="utf-8")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

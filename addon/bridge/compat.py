@@ -9,6 +9,8 @@ import bpy
 SLOTTED_ACTIONS = bpy.app.version >= (4, 4, 0)
 #: Blender 5.0 removed `action.fcurves` and gave `fcurves.new` its `group_name`.
 CHANNELBAG_GROUP_NAMES = bpy.app.version >= (5, 0, 0)
+#: Blender 5.0 moved the selection from the bone to the pose bone.
+SELECTED_POSE_BONES = bpy.app.version >= (5, 0, 0)
 #: Blender 5.0 asks for the media type before the file format.
 MEDIA_TYPES = bpy.app.version >= (5, 0, 0)
 
@@ -59,6 +61,17 @@ def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
     return [
         curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves
     ]
+
+
+def is_selected(bone: bpy.types.PoseBone) -> bool:
+    return bone.select if SELECTED_POSE_BONES else bone.bone.select
+
+
+def select_bone(bone: bpy.types.PoseBone, selected: bool) -> None:
+    if SELECTED_POSE_BONES:
+        bone.select = selected
+    else:
+        bone.bone.select = selected
 
 
 def use_png(image_settings: bpy.types.ImageFormatSettings) -> None:

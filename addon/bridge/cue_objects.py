@@ -5,11 +5,14 @@ from __future__ import annotations
 
 import math
 
-import bpy
+import bpy  # before bmesh: the bpy module brings it
+
+# isort: split
+import bmesh
 from mathutils import Matrix, Vector
 
 from ..errors import SceneError
-from .names import CUE_KEY, oncue_collection
+from .names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY, oncue_collection
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
 KINDS = {
@@ -18,6 +21,9 @@ KINDS = {
     "stop": ("Stop", "ARROWS", 0.25, (0.85, 0.25, 0.25, 1.0)),
     "left_foot": ("Left Foot", "CUBE", 0.04, (0.30, 0.60, 0.95, 1.0)),
     "right_foot": ("Right Foot", "CUBE", 0.04, (0.75, 0.45, 0.95, 1.0)),
+    "left_hand": ("Left Hand", "SPHERE", 0.03, (0.30, 0.60, 0.95, 1.0)),
+    "right_hand": ("Right Hand", "SPHERE", 0.03, (0.75, 0.45, 0.95, 1.0)),
+    "both_hands": ("Both Hands", "SPHERE", 0.03, (0.20, 0.80, 0.80, 1.0)),
 }
 #: The pelvis joint of a seated person over the seat, metres.
 PELVIS_OVER_SEAT = 0.10
@@ -45,6 +51,8 @@ def make_cue(
     cue.empty_display_size = size / metres_per_unit
     cue.color = color
     cue.show_in_front = True
+    # Two feet and two hands lie side by side: their names tell them apart.
+    cue.show_name = kind not in ("start", "sit", "stop")
     cue.rotation_euler = (0.0, 0.0, yaw)
     cue.location = position
     oncue_collection(context).objects.link(cue)
@@ -108,6 +116,54 @@ def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) ->
     foot = make_cue(context, kind, place, yaw, parent=cue, metres_per_unit=metres_per_unit)
     _select(context, foot)
     return foot
+
+
+def place_hand(
+    context: bpy.types.Context, kind: str, first_frame: int, last_frame: int, metres_per_unit: float
+) -> bpy.types.Object:
+    """A hand cue of `kind` that goes along with what it is placed on; selects it.
+
+    In edit mode that is the selected vertex, wherever modifiers, shape keys and hinges take it; else the active object
+    while it is selected, from the 3D cursor on. Raises SceneError where not exactly one vertex is selected.
+    """
+    owner, place, vertex = _hold(context)
+    cue = make_cue(context, kind, place, 0.0, metres_per_unit=metres_per_unit)
+    cue[FIRST_FRAME_KEY], cue[LAST_FRAME_KEY] = first_frame, last_frame
+    cue.id_properties_ui(FIRST_FRAME_KEY).update(description="The frame at which the hand is there first")
+    cue.id_properties_ui(LAST_FRAME_KEY).update(description="The frame at which the hand lets go")
+    if vertex is not None:
+        cue.parent, cue.parent_type, cue.parent_vertices[0] = owner, "VERTEX", vertex
+        cue.location = (0.0, 0.0, 0.0)
+    elif owner is not None:
+        cue.parent = owner
+        cue.matrix_parent_inverse = owner.matrix_world.inverted_safe()
+    context.view_layer.update()
+    _select(context, cue)
+    return cue
+
+
+def _hold(context: bpy.types.Context) -> tuple[bpy.types.Object | None, Vector, int | None]:
+    """What a hand cue is placed on: the object, the place in the world, and the vertex in edit mode."""
+    active = context.active_object
+    if context.mode == "EDIT_MESH":
+        chosen = [vertex for vertex in bmesh.from_edit_mesh(active.data).verts if vertex.select]
+        if len(chosen) != 1:
+            raise SceneError(
+                f"{len(chosen)} vertices of {active.name} are selected: select the one that the hand is to hold."
+            )
+        return active, active.matrix_world @ chosen[0].co, chosen[0].index
+    held = active is not None and active.select_get() and not (active.get(CUE_KEY) or active.get(CHARACTER_KEY))
+    return active if held else None, context.scene.cursor.location.copy(), None
+
+
+def animated_range(thing: bpy.types.Object | None) -> tuple[int, int] | None:
+    """The frames over which an object, or the nearest of its parents that is animated, has keys."""
+    while thing is not None:
+        action = thing.animation_data.action if thing.animation_data else None
+        if action is not None and action.frame_range[1] > action.frame_range[0]:
+            return int(action.frame_range[0]), int(action.frame_range[1])
+        thing = thing.parent
+    return None
 
 
 def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector) -> float:

@@ -13,6 +13,7 @@ from .names import CUE_KEY
 
 ENDS = ("sit", "stop")
 FEET = ("left_foot", "right_foot")
+HANDS = ("left_hand", "right_hand", "both_hands")
 #: A facing steeper than this says nothing about a direction on the floor: sine of 80°.
 STEEPEST = math.sin(math.radians(80.0))
 

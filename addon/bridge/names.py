@@ -5,14 +5,18 @@ from __future__ import annotations
 
 import bpy
 
-#: On an empty: "start", "sit", "stop", "left_foot" or "right_foot". The empty faces its local -Y.
+#: On an empty: a kind of `cue_objects.KINDS`. The empty faces its local -Y.
 CUE_KEY = "oncue_cue"
+#: On a hand cue: the frames of the scene between which the hand follows it, first and last.
+FIRST_FRAME_KEY, LAST_FRAME_KEY = "oncue_first_frame", "oncue_last_frame"
 #: On the armature and the meshes of the character: they are no part of the scene.
 CHARACTER_KEY = "oncue_character"
 #: On any object that the character may walk through.
 EXCLUDE_KEY = "oncue_exclude"
 #: On an action: the report of the run that made it, JSON.
 REPORT_KEY = "oncue_report"
+#: On an action: the motion as the core gave it last, and what is pinned.
+SOLVED_KEY, PINS_KEY = "oncue_solved", "oncue_pins"
 
 COLLECTION_NAME = "Oncue"
 

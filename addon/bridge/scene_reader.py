@@ -17,6 +17,10 @@ from .names import CHARACTER_KEY, CUE_KEY, EXCLUDE_KEY
 
 #: A scene wider than this is hardly modelled in metres.
 WIDEST_ROOM = 60.0
+#: Single precision has centimetres left up to here, metres.
+FARTHEST = 1e5
+#: Larger meshes are not tried for having no area, triangles; the core leaves out single ones that have none.
+LOOKED_AT_CLOSELY = 100_000
 
 
 @dataclass
@@ -69,8 +73,9 @@ def read_scene(
         matrix = np.array(instance.matrix_world, dtype=np.float64)
         with np.errstate(invalid="ignore", over="ignore"):
             world = ((local @ matrix[:3, :3].T + matrix[:3, 3]) * metres_per_unit).astype(np.float32)
-        if not np.isfinite(world).all():
-            skipped.append((name, f"{name} has vertices that are not numbers; it was left out of the collision."))
+        fault = _fault(world, corners)
+        if fault:
+            skipped.append((name, f"{name} {fault}; it was left out of the collision."))
             continue
         if np.linalg.det(matrix[:3, :3]) < 0.0:
             # A mirrored object: keep the outside outside.
@@ -90,6 +95,18 @@ def read_scene(
     if not scale_confirmed:
         _check_scale(context.scene, scene_meshes)
     return scene_meshes
+
+
+def _fault(world: np.ndarray, corners: np.ndarray) -> str | None:
+    """What makes a mesh unfit for collision: the rest of a sentence, or None."""
+    # Not a number is not smaller either.
+    if not np.abs(world).max() < FARTHEST:
+        return "has vertices that are not numbers" if np.isnan(world).any() else "reaches farther than 100 km"
+    if len(corners) <= LOOKED_AT_CLOSELY:
+        a, b, c = (world[corners[:, k]] for k in range(3))
+        if not np.cross(b - a, c - a).any():
+            return "has no area"
+    return None
 
 
 def suggested_scale(extent: float, unit_length: float) -> float | None:

@@ -14,12 +14,15 @@ import numpy as np
 
 from .. import native
 from ..errors import SceneError
-from ..pipeline import LibraryChoice, Outcome, Request
-from . import armature, compat
-from .action_writer import Motion, write_action
+from ..motion import Motion
+from ..pipeline import EditRequest, LibraryChoice, Outcome, Request
+from . import armature, compat, pins
+from .action_writer import write_action
 from .cue_reader import read_task
+from .hand_reader import read_manipulations
 from .names import REPORT_KEY
 from .scene_reader import read_scene
+from .take import Take, keep_solved, solved_take
 
 
 def library_choice(scene: bpy.types.Scene) -> LibraryChoice:
@@ -39,6 +42,9 @@ def read_request(context: bpy.types.Context) -> tuple[Request, list[tuple[str, s
     native.require()
     settings = context.scene.oncue
     task = read_task(context, settings.scene_scale)
+    manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale)
+    if manipulations:
+        task["manipulations"] = manipulations
     library = library_choice(context.scene)
     meshes = read_scene(
         context,
@@ -49,6 +55,53 @@ def read_request(context: bpy.types.Context) -> tuple[Request, list[tuple[str, s
     overrides = read_overrides(settings.overrides)
     request = Request(meshes.positions, meshes.triangles, task, library, settings.preset, settings.seed, overrides)
     return request, meshes.skipped
+
+
+def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
+    """What Re-solve needs, and the take as it is before. Raises SceneError; changes nothing."""
+    core, settings = native.require(), context.scene.oncue
+    action = pins.action_of(settings.character)
+    take = Take(context.scene, settings.character, action, core.skeleton())
+    motion, keys, constraints = take.edit()
+    report = report_of(action) or {}
+    try:
+        meshes = read_scene(context, exclude=settings.exclude, metres_per_unit=settings.scene_scale)
+        positions, triangles = meshes.positions, meshes.triangles
+    except SceneError:  # an edit needs nothing to walk on
+        positions = triangles = None
+    request = EditRequest(
+        motion,
+        take.solved.contacts,
+        keys,
+        constraints,
+        floor_of(report, motion, core.skeleton()),
+        positions,
+        triangles,
+        settings.preset,
+        read_overrides(settings.overrides),
+    )
+    return request, take
+
+
+def floor_of(report: dict, motion: Motion, skeleton: dict) -> float:
+    """The floor that a take's person started on, world, metres."""
+    start = report.get("task", {}).get("start")
+    return float(start["position"][2] if start else motion.root_positions[0, 2] - skeleton["rest_hips_height"])
+
+
+def write_edit(context: bpy.types.Context, take: Take, edited: object) -> tuple[int, int] | None:
+    """Writes an edited motion back; the scene's frames it touched. Raises SceneError if the keys changed meanwhile."""
+    settings = context.scene.oncue
+    action = pins.action_of(settings.character)
+    now = Take(context.scene, settings.character, action, native.require().skeleton())
+    if action != take.action or not now.is_as(take):
+        raise SceneError("The keys were changed while it was solving: press Re-solve again.")
+    motion = Motion(np.asarray(edited.root_positions), np.asarray(edited.rotations), take.solved.motion.frame_rate)
+    touched = now.write(motion, np.asarray(edited.contacts))
+    report = report_of(action)
+    if report is not None:
+        action[REPORT_KEY] = json.dumps({**report, "artist": edited.figures})
+    return touched
 
 
 def read_overrides(text: str) -> dict:
@@ -72,17 +125,28 @@ def write_outcome(
     if character is None:
         character = armature.make_character(context, skeleton, settings.scene_scale)
     settings.character = character
-    cue = request.task["cue"]["name"]
-    return write_action(
+    motion = Motion(np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate))
+    action = write_action(
         context,
         character,
         list(skeleton["names"]),
-        Motion(np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate)),
-        name=f"{cue} seed {request.seed}",
+        motion,
+        name=f"{request.task['cue']['name']} seed {request.seed}",
         start_frame=settings.start_frame,
         metres_per_unit=settings.scene_scale,
         report=_report(request, outcome, skipped),
     )
+    solved = solved_take(
+        scene,
+        character,
+        list(skeleton["names"]),
+        motion,
+        np.asarray(synthesis.contacts),
+        start_frame=settings.start_frame,
+        metres_per_unit=settings.scene_scale,
+    )
+    keep_solved(action, solved)
+    return action
 
 
 def _report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) -> dict:
@@ -114,9 +178,14 @@ def report_of(action: bpy.types.Action | None) -> dict | None:
 
 def current_report(scene: bpy.types.Scene) -> dict | None:
     """The report of the action that the scene's character plays."""
+    return report_of(current_action(scene))
+
+
+def current_action(scene: bpy.types.Scene) -> bpy.types.Action | None:
+    """The action that the scene's character plays."""
     character = scene.oncue.character
     data = character.animation_data if character else None
-    return report_of(data.action) if data else None
+    return data.action if data else None
 
 
 def problems_of(report: dict) -> list[str]:

@@ -12,15 +12,15 @@ from .. import preferences
 from ..bridge import session
 from ..job_operator import JobOperator
 from ..pipeline import LIBRARY_SUFFIX, Steps, library_steps
+from .button import Button
 from .synthesize import library_cache
 
 
-class ONCUE_OT_add_library(bpy.types.Operator):
+class ONCUE_OT_add_library(Button, bpy.types.Operator):
     """Add motion capture (.bvh files or a folder of them) or a library file"""
 
     bl_idname = "oncue.add_library"
     bl_label = "Add to Library"
-    bl_options = {"REGISTER", "UNDO"}
 
     folder: BoolProperty(name="Folder", description="Add the folder itself", options={"SKIP_SAVE"})
     directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE"})
@@ -35,7 +35,7 @@ class ONCUE_OT_add_library(bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         names = [] if self.folder else [entry.name for entry in self.files if entry.name]
         folder = Path(self.directory)
         settings = context.scene.oncue
@@ -44,25 +44,22 @@ class ONCUE_OT_add_library(bpy.types.Operator):
             if str(path) not in known:
                 settings.library_paths.add().path = str(path)
         settings.library_index = len(settings.library_paths) - 1
-        return {"FINISHED"}
 
 
-class ONCUE_OT_remove_library(bpy.types.Operator):
+class ONCUE_OT_remove_library(Button, bpy.types.Operator):
     """Take the entry out of the library; the files stay"""
 
     bl_idname = "oncue.remove_library"
     bl_label = "Remove from Library"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return bool(context.scene.oncue.library_paths)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         settings = context.scene.oncue
         settings.library_paths.remove(settings.library_index)
         settings.library_index = max(0, min(settings.library_index, len(settings.library_paths) - 1))
-        return {"FINISHED"}
 
 
 class ONCUE_OT_save_library(JobOperator, bpy.types.Operator):
@@ -97,11 +94,4 @@ class ONCUE_OT_save_library(JobOperator, bpy.types.Operator):
 CLASSES = (ONCUE_OT_add_library, ONCUE_OT_remove_library, ONCUE_OT_save_library)
 
 
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

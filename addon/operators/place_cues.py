@@ -1,21 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Placing cues: at the 3D cursor, on the selected seat, and feet beside a cue."""
+"""Placing cues: at the 3D cursor, on the selected seat, feet beside a cue, and hands on what they hold."""
 
 from __future__ import annotations
 
 import bpy
-from bpy.props import EnumProperty
+from bpy.props import EnumProperty, IntProperty
 
-from ..bridge import cue_objects, seat_finder
-from ..errors import SceneError
+from ..bridge import cue_objects, hand_reader, seat_finder
+from .button import Button
 
 
-class ONCUE_OT_place_cue(bpy.types.Operator):
+class ONCUE_OT_place_cue(Button, bpy.types.Operator):
     """Place the cue on what lies under the 3D cursor; one that is there already moves"""
 
     bl_idname = "oncue.place_cue"
     bl_label = "Place Cue"
-    bl_options = {"REGISTER", "UNDO"}
 
     kind: EnumProperty(
         name="Kind",
@@ -36,7 +35,7 @@ class ONCUE_OT_place_cue(bpy.types.Operator):
         }
         return where[properties.kind] + ". One that is there already moves"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         scale = context.scene.oncue.scene_scale
         cursor = context.scene.cursor.location
         if self.kind == "sit":
@@ -46,54 +45,62 @@ class ONCUE_OT_place_cue(bpy.types.Operator):
             place = seat_finder.surface_below(context, cursor, scale)
             yaw = cue_objects.facing_on_the_way(context, self.kind, place)
         cue_objects.place_cue(context, self.kind, place, yaw, scale)
-        return {"FINISHED"}
 
 
-class ONCUE_OT_sit_on_selection(bpy.types.Operator):
+class ONCUE_OT_sit_on_selection(Button, bpy.types.Operator):
     """Place the Sit cue on the seat's selected face (edit mode) or on the active object, facing away from its back"""
 
     bl_idname = "oncue.sit_on_selection"
     bl_label = "Sit on Selection"
-    bl_options = {"REGISTER", "UNDO"}
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         scale = context.scene.oncue.scene_scale
-        try:
-            seat = seat_finder.seat_of_selection(context, scale)
-        except SceneError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+        seat = seat_finder.seat_of_selection(context, scale)
         cue_objects.place_cue(context, "sit", seat.pelvis, seat.yaw, scale)
-        return {"FINISHED"}
 
 
-class ONCUE_OT_place_foot(bpy.types.Operator):
+class ONCUE_OT_place_foot(Button, bpy.types.Operator):
     """Place a foot cue before the Sit or Stop cue; move it to where the foot is to stand"""
 
     bl_idname = "oncue.place_foot"
     bl_label = "Place Foot"
-    bl_options = {"REGISTER", "UNDO"}
 
     side: EnumProperty(name="Side", items=[("left", "Left", ""), ("right", "Right", "")], options={"SKIP_SAVE"})
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        scale = context.scene.oncue.scene_scale
-        try:
-            cue_objects.place_foot(context, self.side, scale)
-        except SceneError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+    def act(self, context: bpy.types.Context) -> None:
+        cue_objects.place_foot(context, self.side, context.scene.oncue.scene_scale)
 
 
-CLASSES = (ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_place_foot)
+class ONCUE_OT_place_hand(Button, bpy.types.Operator):
+    """Place a hand cue, which the hand follows for some frames: on the selected vertex (edit mode), or at the cursor. \
+It goes along with the selected object"""
+
+    bl_idname = "oncue.place_hand"
+    bl_label = "Place Hand"
+
+    kind: EnumProperty(
+        name="Hand",
+        items=[("left_hand", "Left", ""), ("right_hand", "Right", ""), ("both_hands", "Both", "")],
+        options={"SKIP_SAVE"},
+    )
+    first_frame: IntProperty(name="First Frame", description="When the hand is there first", options={"SKIP_SAVE"})
+    last_frame: IntProperty(name="Last Frame", description="When the hand lets go", options={"SKIP_SAVE"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        scene = context.scene
+        if not self.properties.is_property_set("first_frame"):
+            self.first_frame, self.last_frame = self._usual_range(context)
+        cue_objects.place_hand(context, self.kind, self.first_frame, self.last_frame, scene.oncue.scene_scale)
+
+    def _usual_range(self, context: bpy.types.Context) -> tuple[int, int]:
+        """The frames over which what the hand holds moves, else two seconds from the current frame on."""
+        now, seconds = context.scene.frame_current, 2.0
+        held = context.active_object
+        found = cue_objects.animated_range(held) if held and held.select_get() else None
+        return found or (now, now + round(seconds * hand_reader.frame_rate(context.scene)))
 
 
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
+CLASSES = (ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_place_foot, ONCUE_OT_place_hand)
 
 
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -8,35 +8,33 @@ from bpy.props import FloatProperty
 
 from ..bridge.names import EXCLUDE_KEY
 from ..job_operator import handle
+from .button import Button
 
 
-class ONCUE_OT_set_scene_scale(bpy.types.Operator):
+class ONCUE_OT_set_scene_scale(Button, bpy.types.Operator):
     """Say how many metres a scene unit is; nothing in the scene changes"""
 
     bl_idname = "oncue.set_scene_scale"
     bl_label = "Set Scene Scale"
-    bl_options = {"REGISTER", "UNDO"}
 
     scale: FloatProperty(name="Metres per Unit", default=1.0, min=1e-4, max=1e4, options={"SKIP_SAVE"})
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         context.scene.oncue.scene_scale = self.scale
         handle.message = ""
-        return {"FINISHED"}
 
 
-class ONCUE_OT_toggle_exclude(bpy.types.Operator):
+class ONCUE_OT_toggle_exclude(Button, bpy.types.Operator):
     """Let the character walk through the selected objects, or no longer"""
 
     bl_idname = "oncue.toggle_exclude"
     bl_label = "Exclude Selected"
-    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return bool(context.selected_objects)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         chosen = context.selected_objects
         exclude = not all(thing.get(EXCLUDE_KEY) for thing in chosen)
         for thing in chosen:
@@ -46,17 +44,9 @@ class ONCUE_OT_toggle_exclude(bpy.types.Operator):
                 del thing[EXCLUDE_KEY]
         word = "walks through" if exclude else "minds"
         self.report({"INFO"}, f"The character {word} {', '.join(thing.name for thing in chosen)}.")
-        return {"FINISHED"}
 
 
 CLASSES = (ONCUE_OT_set_scene_scale, ONCUE_OT_toggle_exclude)
 
 
-def register() -> None:
-    for cls in CLASSES:
-        bpy.utils.register_class(cls)
-
-
-def unregister() -> None:
-    for cls in reversed(CLASSES):
-        bpy.utils.unregister_class(cls)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 
 from ..bridge import session
+from ..bridge.policies import policy_cache
 from ..job_operator import JobOperator
 from ..pipeline import LibraryCache, Outcome, Steps, synthesis_steps
 
@@ -23,7 +24,7 @@ class ONCUE_OT_synthesize(JobOperator, bpy.types.Operator):
 
     def begin(self, context: bpy.types.Context) -> Steps:
         self._request, self._skipped = session.read_request(context)
-        return synthesis_steps(self._request, library_cache)
+        return synthesis_steps(self._request, library_cache, policy_cache(context))
 
     def finish(self, context: bpy.types.Context, value: Outcome) -> None:
         action = session.write_outcome(context, self._request, value, self._skipped)
@@ -34,9 +35,4 @@ class ONCUE_OT_synthesize(JobOperator, bpy.types.Operator):
             self.report({"INFO"}, f"Oncue made the action {action.name}.")
 
 
-def register() -> None:
-    bpy.utils.register_class(ONCUE_OT_synthesize)
-
-
-def unregister() -> None:
-    bpy.utils.unregister_class(ONCUE_OT_synthesize)
+register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_synthesize,))

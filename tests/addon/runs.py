@@ -5,8 +5,11 @@ import json
 import bpy
 import numpy as np
 
-#: One small update and few rollouts: the whole chain on a small budget, and the same on every machine.
-QUICK = {"ppo": {"updates": 1, "tuples": 1500, "seconds": 1e6}, "kept": {"rollouts": 48, "rounds": 1}}
+#: One small update from scratch and few rollouts: the whole chain on a small budget, the same on every machine.
+QUICK = {
+    "ppo": {"prior": False, "updates": 1, "tuples": 1500},
+    "kept": {"rollouts": 48, "rounds": 1, "more_rounds": 0},
+}
 
 
 def set_quick(scene):

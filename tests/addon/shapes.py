@@ -1,6 +1,7 @@
 """Small meshes for the tests."""
 
 import bpy
+import numpy as np
 
 
 def add_mesh(name, vertices, faces, location=(0, 0, 0), scale=(1, 1, 1)):
@@ -25,9 +26,28 @@ def add_floor(size=3.0):
     return add_mesh("Floor", [(-s, -s, 0), (s, -s, 0), (s, s, 0), (-s, s, 0)], [(0, 1, 2, 3)])
 
 
+def add_terrain(side, size, bumps=0.0, location=(0, 0, 0)):
+    """A grid of `side` × `side` vertices over [0, size]², two triangles a cell; `bumps` metres high."""
+    xs, ys = np.meshgrid(np.linspace(0, size, side), np.linspace(0, size, side))
+    positions = np.stack([xs, ys, bumps * np.sin(40 * xs) * np.sin(37 * ys)], axis=-1).astype(np.float32)
+    corner = (np.arange(side - 1)[:, None] * side + np.arange(side - 1)).ravel()
+    quads = np.stack([corner, corner + 1, corner + side + 1, corner + side], axis=1).astype(np.int32)
+    mesh = bpy.data.meshes.new("Terrain")
+    mesh.vertices.add(side * side)
+    mesh.vertices.foreach_set("co", positions.ravel())
+    mesh.loops.add(quads.size)
+    mesh.loops.foreach_set("vertex_index", quads.ravel())
+    mesh.polygons.add(len(quads))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, quads.size, 4, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    thing = bpy.data.objects.new("Terrain", mesh)
+    thing.location = location
+    bpy.context.scene.collection.objects.link(thing)
+    bpy.context.view_layer.update()
+    return thing
+
+
 def volume(positions, triangles):
     """Signed volume of a closed mesh: positive when its faces look outward."""
-    import numpy as np
-
     a, b, c = (positions[triangles[:, k]].astype(float) for k in range(3))
     return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)

@@ -18,18 +18,23 @@ def writer(oncue):
 
 
 @pytest.fixture
+def motions(oncue):
+    return oncue("motion")
+
+
+@pytest.fixture
 def skeleton(core):
     return core.skeleton()
 
 
 @pytest.fixture
-def motion(writer):
+def motion(motions):
     """A wild motion: every joint turns, the root travels."""
     random, frames = np.random.default_rng(3), 45
     turns = np.cumsum(random.normal(0, 0.08, (frames, 22, 4)), axis=0) + random.normal(0, 1, (22, 4))
     rotations = turns / np.linalg.norm(turns, axis=-1, keepdims=True)
     positions = np.array([1.0, -2.0, 0.9]) + np.cumsum(random.normal(0, 0.05, (frames, 3)), axis=0)
-    return writer.Motion(positions.astype(np.float32), rotations.astype(np.float32), 30.0)
+    return motions.Motion(positions.astype(np.float32), rotations.astype(np.float32), 30.0)
 
 
 def rotation_matrix(q):
@@ -84,11 +89,13 @@ def test_bones_are_the_joints_in_a_t_pose(armature, skeleton):
 
 
 @pytest.mark.parametrize("frame_rate", [30, 24, 60])
-def test_blenders_bones_stand_where_the_cores_joints_do(context, armature, writer, skeleton, motion, frame_rate):
+def test_blenders_bones_stand_where_the_cores_joints_do(
+    context, armature, writer, motions, skeleton, motion, frame_rate
+):
     context.scene.render.fps = frame_rate
     character = armature.make_character(context, skeleton)
     write(writer, character, skeleton, motion, start_frame=10)
-    expected = forward_kinematics(skeleton, writer.resample(motion, frame_rate))
+    expected = forward_kinematics(skeleton, motions.resample(motion, frame_rate))
     heads = evaluated_heads(character, skeleton["names"], 10 + np.arange(len(expected)))
     assert np.abs(heads - expected).max() < 1e-3
     # And at 30 Hz these are the core's own frames.
@@ -115,11 +122,11 @@ def test_in_a_scene_of_centimetres_the_figure_is_a_hundred_times_larger(context,
     assert np.abs(heads - 100 * forward_kinematics(skeleton, motion)).max() < 0.1
 
 
-def test_quaternion_channels_do_not_jump(writer, oncue, context, armature, skeleton, motion):
+def test_quaternion_channels_do_not_jump(writer, oncue, motions, context, armature, skeleton, motion):
     flipped = motion.rotations.copy()
     flipped[::3] *= -1.0
     character = armature.make_character(context, skeleton)
-    action = write(writer, character, skeleton, writer.Motion(motion.root_positions, flipped, 30.0))
+    action = write(writer, character, skeleton, motions.Motion(motion.root_positions, flipped, 30.0))
     curves = oncue("bridge.compat").action_curves(action)
     for name in skeleton["names"]:
         channels = []
@@ -132,18 +139,19 @@ def test_quaternion_channels_do_not_jump(writer, oncue, context, armature, skele
         assert (np.sum(rotations[1:] * rotations[:-1], axis=1) > -1e-6).all()
 
 
-def test_slerp_halves_a_quarter_turn_and_goes_the_short_way(writer):
+def test_slerp_halves_a_quarter_turn_and_goes_the_short_way(oncue):
+    quaternions = oncue("quaternions")
     quarter = np.array([np.cos(np.pi / 4), 0, 0, np.sin(np.pi / 4)])
     none = np.array([1.0, 0, 0, 0])
-    half = writer.slerp(none, quarter, np.array(0.5))
+    half = quaternions.slerp(none, quarter, np.array(0.5))
     assert half == pytest.approx([np.cos(np.pi / 8), 0, 0, np.sin(np.pi / 8)])
-    assert abs(writer.slerp(none, -quarter, np.array(0.5)) @ half) == pytest.approx(1.0)
-    assert writer.slerp(none, none, np.array(0.3)) == pytest.approx(none)
+    assert abs(quaternions.slerp(none, -quarter, np.array(0.5)) @ half) == pytest.approx(1.0)
+    assert quaternions.slerp(none, none, np.array(0.3)) == pytest.approx(none)
 
 
-def test_resampling_keeps_the_ends_and_the_duration(writer, motion):
+def test_resampling_keeps_the_ends_and_the_duration(motions, motion):
     for rate in (24, 25, 29.97, 60, 12):
-        there = writer.resample(motion, rate)
+        there = motions.resample(motion, rate)
         assert np.allclose(there.root_positions[0], motion.root_positions[0])
         assert np.allclose(there.root_positions[-1], motion.root_positions[-1], atol=1e-6)
         assert abs((len(there.root_positions) - 1) / rate - 44 / 30) <= 1 / rate

@@ -3,6 +3,7 @@
 import math
 
 import bpy
+import numpy as np
 import pytest
 from mathutils import Vector
 
@@ -56,6 +57,29 @@ def test_a_room_from_outside_has_its_cues_where_the_table_says(fixtures, read, s
     assert task["cue"]["position"] == pytest.approx([3.79, -1.28, 0.54])
     # Facing -X: the rest pose turned by -90°.
     assert task["cue"]["yaw"] == pytest.approx(math.radians(-90), abs=1e-5)
+
+
+OBJECTS = ("door", "laptop", "chest", "toilet_cc0", "trashcan_bullet", "wardrobe")
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_the_hand_follows_what_opens(fixtures, oncue, context, read, shared_data, name):
+    """Hinges and slides of real objects: the cue's way is as long as the table says, and ends where it says."""
+    folder = shared_data / "objects"
+    for row in fixtures.object_rows(folder / "objects.tsv", name):
+        fixtures.object_task(fixtures.new_scene(), folder / f"{name}.glb", row)
+        (hand,) = oncue("bridge.hand_reader").read_manipulations(bpy.context, 1)
+        path = np.array(hand["path"])
+        assert (hand["first_frame"], len(path)) == (150 if name == "laptop" else 90, 61)
+        lift = path[0] - [float(c) for c in row["contact_xyz"].split()]
+        assert lift[:2] == pytest.approx([0, 0], abs=1e-4)
+        assert lift[2] == pytest.approx(0.74 if name == "laptop" else 0.0, abs=1e-4)
+        # The table has three decimals.
+        assert path[-1] - lift == pytest.approx([float(c) for c in row["contact_open_xyz"].split()], abs=2e-3)
+        steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        assert steps.sum() == pytest.approx(float(row["contact_path_m"]), rel=5e-3)
+        # And the core takes the walk up to it.
+        assert read()["cue"]["action_type"] == ("sit" if name == "laptop" else "stop")
 
 
 def test_a_room_that_lies_elsewhere_is_refused(fixtures, shared_data):

@@ -1,6 +1,7 @@
 """Runs: their steps, cancel at every stage, and what interrupts them from outside."""
 
 import time
+import types
 
 import bpy
 import numpy as np
@@ -20,7 +21,6 @@ def job_operator(oncue):
     module = oncue("job_operator")
     yield module
     module.handle.stop_and_wait("")
-    module.handle.end()
 
 
 def big_scene(side=600):
@@ -119,7 +119,7 @@ def test_cancel_at_each_stage_stops_at_once(pipeline, core, request_of, stage):
     with pytest.raises(core.Cancelled):
         run.result()
     assert all(job.done() for job in jobs)
-    assert len(jobs) <= stage + 2
+    assert len(jobs) == stage + 1
 
 
 def test_cancel_after_the_end_is_still_a_cancel(pipeline, core):
@@ -174,7 +174,7 @@ def test_pressing_twice_is_refused(running):
 
 def test_opening_another_file_stops_the_run(running, job_operator):
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    assert running.finished
+    assert running.cancelled
     assert job_operator.handle.run is None
     assert "another file" in job_operator.handle.message
 
@@ -183,7 +183,8 @@ def test_opening_another_file_stops_the_run(running, job_operator):
 def test_undo_stops_the_run(running, job_operator, event):
     for function in list(getattr(bpy.app.handlers, event)):
         function(bpy.context.scene)
-    assert running.finished
+    assert running.cancelled
+    assert job_operator.handle.run is None
     assert "undo" in job_operator.handle.message
 
 
@@ -192,10 +193,36 @@ def test_saving_does_not_disturb_the_run(running, tmp_path):
     assert not running.cancelled
 
 
-def test_the_cancel_button_asks_and_waits_for_nothing(running):
+def test_the_cancel_button_lets_the_run_go_at_once(running, job_operator):
     assert bpy.ops.oncue.cancel() == {"FINISHED"}
+    assert job_operator.handle.run is None
+    assert "as it was" in job_operator.handle.message
     assert running.cancelled
     assert running.wait(STOPS_WITHIN)
+    with pytest.raises(RuntimeError):
+        bpy.ops.oncue.cancel()
+
+
+def test_escape_ends_the_operator_with_the_very_event(running, job_operator, context, monkeypatch):
+    """Whether or not the core has stopped: it is never waited for."""
+    monkeypatch.setattr(type(running), "wait", lambda *_: pytest.fail("waited"))
+    said = []
+
+    class Operator(job_operator.JobOperator):
+        _run = running
+
+        def report(self, _kind, text):
+            said.append(text)
+
+    def happens(kind, value="NOTHING"):
+        return Operator().modal(context, types.SimpleNamespace(type=kind, value=value))
+
+    assert happens("TIMER") == {"PASS_THROUGH"}
+    assert happens("ESC", "RELEASE") == {"PASS_THROUGH"}
+    assert happens("ESC", "PRESS") == {"CANCELLED"}
+    assert running.cancelled
+    assert job_operator.handle.run is None
+    assert said == ["Cancelled; the file is as it was."]
 
 
 def test_disabling_the_extension_stops_the_run(running, oncue):

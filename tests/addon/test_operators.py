@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from .runs import current_action, datablocks, keys_of, set_quick
+from .shapes import add_cube, add_floor, add_mesh, add_terrain
 
 
 @pytest.fixture
@@ -41,7 +42,8 @@ def test_the_main_job(stool, oncue, core):
     assert report["extension"]["scene_triangles"] > 100
     lines = [line for line, _ in oncue("panels").result_lines(report)]
     assert lines[0].startswith("Sit: ")
-    assert any("Penetration" in line for line in lines)
+    assert any(line.startswith("Clipping") for line in lines)
+    assert any("Pelvis" in line for line in lines)
 
     # Once more: the same seed is the same motion, on the same character, beside the first take.
     keys = keys_of(oncue, action)
@@ -115,6 +117,52 @@ def test_a_cue_in_a_bad_place_is_named(stool, core, place, words):
     refused(words)
 
 
+def test_a_sit_inside_a_wall_is_named(stool, fixtures, core):
+    fixtures.f.Piece("Pillar").box((-0.5, -0.5, 0), (0.5, 0.5, 2.2), "plaster").link(stool.scene)
+    stool.view_layer.update()
+    refused("Sit")
+
+
+@pytest.mark.parametrize(("height", "words"), [(-1.0, "Start.*no floor under it"), (1.5, "Start.*1.50 m over")])
+def test_a_start_off_the_floor_is_named(stool, core, height, words):
+    bpy.data.objects["Start"].location.z = height
+    stool.view_layer.update()
+    refused(words)
+
+
+def test_a_broken_mesh_is_named_in_the_result(stool, oncue, core):
+    add_mesh("Broken Lamp", [(0, 0, 0), (float("nan"), 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    session = oncue("bridge.session")
+    problems = session.problems_of(session.current_report(stool.scene))
+    assert any("Broken Lamp has vertices that are not numbers" in problem for problem in problems)
+
+
+def test_a_scene_in_centimetres_is_said_and_the_scale_offered(stool, oncue, core):
+    for thing in stool.scene.objects:
+        if thing.type == "MESH":
+            thing.scale = (100, 100, 100)
+        thing.location *= 100
+    stool.view_layer.update()
+    refused("centimetres")
+    assert "Set Scene Scale" in oncue("job_operator").handle.message
+    bpy.ops.oncue.set_scene_scale(scale=0.01)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    character = stool.scene.oncue.character
+    assert character.dimensions.z == pytest.approx(180, rel=0.2)
+
+
+def test_five_million_triangles(stool, oncue, core):
+    """A floor as sculpting programs give it."""
+    add_terrain(1582, 6.0, bumps=0.004, location=(-3, -3, 0))
+    bpy.data.objects["Floor"].hide_viewport = True
+    stool.view_layer.update()
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    report = oncue("bridge.session").current_report(stool.scene)
+    assert report["extension"]["scene_triangles"] > 4_990_000
+    print({step: round(seconds, 1) for step, seconds in report["extension"]["seconds"].items()})
+
+
 def test_a_start_inside_furniture_is_named(stool, fixtures, core):
     fixtures.f.Piece("Cupboard", (0.4, 2.2, 0)).box((-0.6, -0.4, 0), (0.6, 0.4, 2), "oak").link(stool.scene)
     stool.view_layer.update()
@@ -161,8 +209,6 @@ def test_saving_the_library(context, oncue, core, tmp_path):
 
 
 def test_excluding_objects(context, oncue):
-    from .shapes import add_cube, add_floor
-
     add_floor()
     cube = add_cube("Curtain")
     for thing in context.view_layer.objects:

@@ -4,7 +4,7 @@ import bpy
 import numpy as np
 import pytest
 
-from .shapes import add_cube, add_floor, add_mesh, volume
+from .shapes import add_cube, add_floor, add_mesh, add_terrain, volume
 
 
 @pytest.fixture
@@ -116,6 +116,33 @@ def test_a_mesh_of_nans_is_named_and_left_out(read):
     assert "Broken Sofa" in meshes.skipped[0][1]
 
 
+@pytest.mark.parametrize(
+    ("corners", "words"),
+    [
+        ([(0, 0, 0), (1, 0, 0), (2, 0, 0)], "Broken Sofa has no area"),
+        ([(0, 0, 0), (1e30, 0, 0), (0, 1, 0)], "Broken Sofa reaches farther than 100 km"),
+    ],
+)
+def test_a_mesh_that_nothing_can_touch_is_named_and_left_out(read, oncue, corners, words):
+    sofa = add_mesh("Broken Sofa", corners, [(0, 1, 2)])
+    with pytest.raises(oncue("errors").SceneError, match=words):
+        read()
+    add_floor()
+    meshes = read()
+    assert len(meshes.triangles) == 2
+    assert words in meshes.skipped[0][1]
+    # A floor that is scaled to nothing has no area, one that is flattened has.
+    bpy.data.objects.remove(sofa)
+    floor = bpy.data.objects["Floor"]
+    floor.scale = (1, 1, 0)
+    bpy.context.view_layer.update()
+    assert len(read().triangles) == 2
+    floor.scale = (1, 0, 1)
+    bpy.context.view_layer.update()
+    with pytest.raises(oncue("errors").SceneError, match="Floor has no area"):
+        read()
+
+
 def test_no_meshes_is_a_sentence(read, oncue):
     with pytest.raises(oncue("errors").SceneError, match="no visible mesh"):
         read()
@@ -138,17 +165,9 @@ def test_the_scale_that_is_set_counts_as_confirmed(context, oncue):
 
 def test_a_million_triangles_in_one_array(read):
     """The bulk path is taken: shapes and values, whatever the time."""
-    n = 708
-    xs, ys = np.meshgrid(np.linspace(0, 5, n), np.linspace(0, 5, n))
-    positions = np.stack([xs.ravel(), ys.ravel(), np.zeros(n * n)], axis=1)
-    corner = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    quads = np.stack([corner, corner + 1, corner + n + 1, corner + n], axis=1)
-    mesh = bpy.data.meshes.new("Terrain")
-    mesh.from_pydata(positions.tolist(), [], quads.tolist())
-    bpy.context.scene.collection.objects.link(bpy.data.objects.new("Terrain", mesh))
-    bpy.context.view_layer.update()
+    add_terrain(708, 5.0)
     meshes = read()
-    assert len(meshes.triangles) == 2 * (n - 1) ** 2
+    assert len(meshes.triangles) == 2 * 707**2
     a, b, c = (meshes.positions[meshes.triangles[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
     assert area == pytest.approx(25.0, rel=1e-4)

@@ -14,10 +14,15 @@ import bpy
 
 HERE = Path(__file__).resolve().parent
 STATE = Path("/tmp/oncue-window/state.jsonl")
+#: A line for each key press that the running operator was handed.
+PRESSES = STATE.with_name("presses.jsonl")
 #: A colour that nothing else in the window has, for finding the buttons: red, green, blue of 0..1.
 BUTTON_COLOR = (0.05, 0.42, 0.62, 1.0)
-#: A budget that takes some seconds, so that there is something to see and to cancel.
-BUDGET = {"ppo": {"updates": 2, "tuples": 6000, "seconds": 1e6}, "kept": {"rollouts": 64, "rounds": 1}}
+#: From scratch, on a budget that takes some seconds, so that there is something to see and to cancel.
+BUDGET = {
+    "ppo": {"prior": False, "updates": 2, "tuples": 6000},
+    "kept": {"rollouts": 64, "rounds": 1, "more_rounds": 0},
+}
 
 
 def extension(name):
@@ -70,14 +75,42 @@ def open_sidebar():
     return next(r for r in area.regions if r.type == "UI")
 
 
+def note_presses():
+    """Writes down when the running operator was handed a key, how long it took and whether a run was left after it."""
+    module, presses = extension("job_operator"), PRESSES.open("w", buffering=1)
+    modal = module.JobOperator.modal
+
+    def noted(self, context, event):
+        came, pressed = time.time(), event.type if event.value == "PRESS" else ""
+        answer = modal(self, context, event)
+        if pressed and "MOUSE" not in pressed:
+            line = {"time": came, "took": time.time() - came, "key": pressed, "at_work": module.handle.run is not None}
+            presses.write(json.dumps(line) + "\n")
+        return answer
+
+    module.JobOperator.modal = noted
+
+
 def watch():
     STATE.parent.mkdir(parents=True, exist_ok=True)
     state = STATE.open("w", buffering=1)
+    note_presses()
     sidebar, last = None, time.time()
+
+    @bpy.app.handlers.persistent
+    def look_again(*_):
+        nonlocal sidebar
+        sidebar = None
+
+    # Another file brings windows of its own.
+    bpy.app.handlers.load_pre.append(look_again)
 
     def tick():
         nonlocal sidebar, last
         now = time.time()
+        if not hasattr(bpy.types.Scene, "oncue"):
+            state.write(json.dumps({"time": now, "enabled": False, "tab": "", "at_work": False, "keys": ""}) + "\n")
+            return 0.1
         if sidebar is None:
             sidebar = open_sidebar()
             return 0.5
@@ -92,6 +125,8 @@ def watch():
         progress = run.progress() if run else None
         line = {
             "time": now,
+            "enabled": True,
+            "file": bpy.data.filepath if not bpy.data.is_dirty else "",
             "gap": now - last,
             "at_work": run is not None,
             "stage": progress.stage if progress else "",
@@ -102,6 +137,7 @@ def watch():
             "actions": sorted(a.name for a in bpy.data.actions),
             "objects": len(bpy.data.objects),
             "frame_end": bpy.context.scene.frame_end,
+            "frame": bpy.context.scene.frame_current,
         }
         state.write(json.dumps(line) + "\n")
         last = now

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .types import (
+    ActionCue,
     Constraint,
     EditFigures,
     Key,
@@ -41,6 +42,7 @@ __all__ = [
     "edit_motion",
     "index_scene",
     "optimize_policy",
+    "practice_room",
     "presets",
     "robustness",
     "skeleton",
@@ -93,6 +95,8 @@ class Library:
     @property
     def clip_count(self) -> int:
         """Clips, mirrored copies included."""
+    def foot_figures(self) -> dict[str, float]:
+        """The foot figures of the library's own walking, by the same measures as a report's `foot`."""
     def summary(self) -> Summary:
         """Seconds of each action, by where they come from."""
 
@@ -106,6 +110,9 @@ def build_library(
     From the job: OSError for a path that is not there, InputError for a folder without .bvh files or where no file
     could be used.
     """
+
+def practice_room(seed: int) -> tuple[NDArray[np.float32], NDArray[np.uint32], list[ActionCue]]:
+    """A room made by rule: positions (n, 3), world, metres, triangles (m, 3), and the cues that it offers."""
 
 @final
 class Manifold:

@@ -31,6 +31,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(skeleton::skeleton, module)?)?;
     module.add_function(wrap_pyfunction!(editor::edit_motion, module)?)?;
     module.add_function(wrap_pyfunction!(library::build_library, module)?)?;
+    module.add_function(wrap_pyfunction!(library::practice_room, module)?)?;
     module.add_function(wrap_pyfunction!(manifold::train_manifold, module)?)?;
     module.add_function(wrap_pyfunction!(scene::index_scene, module)?)?;
     module.add_function(wrap_pyfunction!(scene::check_task, module)?)?;

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use numpy::{PyArray1, PyArrayMethods};
 use oncue::library::database::MotionDatabase;
 use oncue::library::feature::FeatureWeights;
 use oncue::library::{LibrarySettings, build, starter};
@@ -104,11 +105,28 @@ impl Library {
         self.inner.clips.len()
     }
 
+    /// The foot figures of the library's own walking, by the same measures as a report's.
+    fn foot_figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let figures = job::run(py, || Ok(self.inner.foot_figures()))?;
+        json::to_python(py, &figures)
+    }
+
     /// Seconds of each action, by where they come from.
     fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let summary = job::run(py, || Ok(self.inner.summary()))?;
         json::to_python(py, &summary)
     }
+}
+
+/// Practice room number `seed`: positions float32 (n, 3), triangles uint32 (m, 3), and the cues that it offers.
+#[pyfunction]
+pub fn practice_room(py: Python<'_>, seed: u64) -> PyResult<Bound<'_, PyAny>> {
+    let room = oncue::controller::practice::practice_room(seed);
+    let positions = PyArray1::from_iter(py, room.positions.iter().flat_map(|p| p.to_array()));
+    let triangles = PyArray1::from_iter(py, room.triangles.iter().flatten().copied());
+    let positions = positions.reshape([room.positions.len(), 3])?;
+    let triangles = triangles.reshape([room.triangles.len(), 3])?;
+    Ok((positions, triangles, json::to_python(py, &room.cues)?).into_pyobject(py)?.into_any())
 }
 
 /// Builds a library from .bvh files and folders; gives it with the files that were skipped and why.

@@ -39,7 +39,6 @@ fn main() -> Result<(), AnyError> {
     settings.ppo.vary_start = 1.0;
     settings.ppo.updates = updates.min(25);
     settings.ppo.solved = 1.1;
-    settings.ppo.seconds = f32::INFINITY;
 
     let library = starter::generate(&progress)?;
     let database = MotionDatabase::build(&library, &settings.synthesizer.weights, &progress)?;

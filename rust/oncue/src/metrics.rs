@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::cue::{ActionCue, ActionType};
-use crate::math::rotation::wrap_angle;
+use crate::library::{ActionLabel, Clip, MotionLibrary};
+use crate::math::rotation::{angle_between, wrap_angle};
 use crate::motion::skeleton::TOE_HEIGHT;
-use crate::motion::{BODY_BOXES, Joint, Limb, Motion, Pose, Posture};
+use crate::motion::{BODY_BOXES, FRAME_RATE, JOINT_COUNT, Joint, Limb, Motion, Pose, Posture};
 use crate::scene::SceneIndex;
 
 /// How well the feet stand.
@@ -119,6 +120,34 @@ pub fn foot_figures(motion: &Motion, floor: f32) -> FootFigures {
     figures
 }
 
+impl MotionLibrary {
+    /// Foot figures of the library's own walking, mean over the clips that walk, weighted by their length: what a motion
+    /// made from it can be measured against.
+    pub fn foot_figures(&self) -> FootFigures {
+        let walks = |clip: &&Clip| {
+            let walking = clip.segments.iter().filter(|s| s.label == ActionLabel::Walk);
+            2 * walking.map(|s| s.end - s.first).sum::<usize>() > clip.motion.len()
+        };
+        let (mut sum, mut frames) = (FootFigures::default(), 0.0f32);
+        for clip in self.clips.iter().filter(walks) {
+            let (figures, n) = (foot_figures(&clip.motion, 0.0), clip.motion.len() as f32);
+            frames += n;
+            sum.contact_cm += n * figures.contact_cm;
+            sum.skate_cm += n * figures.skate_cm;
+            sum.low_skate_cm += n * figures.low_skate_cm;
+            sum.worst_skate_cm = sum.worst_skate_cm.max(figures.worst_skate_cm);
+            sum.sink_cm = sum.sink_cm.max(figures.sink_cm);
+        }
+        let n = frames.max(1.0);
+        FootFigures {
+            contact_cm: sum.contact_cm / n,
+            skate_cm: sum.skate_cm / n,
+            low_skate_cm: sum.low_skate_cm / n,
+            ..sum
+        }
+    }
+}
+
 /// See [`FootFigures::contact_cm`]; metres.
 fn paper_contact(
     count: usize,
@@ -145,6 +174,63 @@ fn paper_contact(
         }
     }
     mean.get()
+}
+
+/// How fast a motion is, beside the library that it was made from.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct SpeedFigures {
+    /// The fastest turn of any joint over the 99.9th percentile of that joint's turns in the library; above 1 the
+    /// motion turns a joint faster than the library does but in one frame of a thousand.
+    pub joint_ratio: f32,
+    /// The joint that turned so, and by how many degrees in one frame.
+    pub fastest_joint: Option<Joint>,
+    pub fastest_degrees: f32,
+    /// Mean planar speed while walking (over 0.3 m/s), m/s, and the fastest.
+    pub walking: f32,
+    pub fastest: f32,
+}
+
+/// Percentile of each joint's turn from frame to frame, radians. `part` in 0..=1; motions of one frame count for nothing.
+pub fn joint_turns<'a>(
+    pairs: impl Iterator<Item = (&'a Posture, &'a Posture)>,
+    part: f64,
+) -> [f32; JOINT_COUNT] {
+    let mut turns: [Vec<f32>; JOINT_COUNT] = Default::default();
+    for (before, after) in pairs {
+        for (joint, turns) in turns.iter_mut().enumerate() {
+            turns.push(angle_between(before.rotations[joint], after.rotations[joint]));
+        }
+    }
+    turns.map(|mut turns| {
+        let at = ((turns.len() as f64 * part) as usize).min(turns.len().saturating_sub(1));
+        if turns.is_empty() { 0.0 } else { *turns.select_nth_unstable_by(at, f32::total_cmp).1 }
+    })
+}
+
+/// Speed figures of a motion; `library`: [`joint_turns`] of the library at 99.9 %.
+pub fn speed_figures(motion: &Motion, library: &[f32; JOINT_COUNT]) -> SpeedFigures {
+    let postures = &motion.postures;
+    let mut figures = SpeedFigures::default();
+    let most = joint_turns(postures.iter().zip(postures.iter().skip(1)), 1.0);
+    for (joint, (most, usual)) in Joint::ALL.into_iter().zip(most.iter().zip(library)) {
+        let ratio = most / usual.max(1e-4);
+        if ratio > figures.joint_ratio {
+            figures.joint_ratio = ratio;
+            figures.fastest_joint = Some(joint);
+            figures.fastest_degrees = most.to_degrees();
+        }
+    }
+    let mut walking = Mean::default();
+    for pair in postures.windows(2) {
+        let step = pair[0].root_position.truncate().distance(pair[1].root_position.truncate());
+        let speed = step * FRAME_RATE;
+        figures.fastest = figures.fastest.max(speed);
+        if speed > 0.3 {
+            walking.add(speed);
+        }
+    }
+    figures.walking = walking.get();
+    figures
 }
 
 #[derive(Default)]
@@ -243,6 +329,20 @@ mod tests {
         motion.contacts.push([0.0; 2]);
         // Distances to the first frame of the window (frame 1): 0, 1, 2, 3 cm.
         assert!((foot_figures(&motion, 0.0).contact_cm - 1.5).abs() < 1e-3);
+    }
+
+    #[test]
+    fn speeds_by_hand() {
+        // 1 cm a frame is 0.3 m/s; the left knee turns by 0.1 rad in one frame of four.
+        let mut motion = sliding(0.02, 5);
+        for posture in &mut motion.postures[3..] {
+            posture.rotations[Joint::LeftLeg.index()] = glam::Quat::from_rotation_x(0.1);
+        }
+        let turns = joint_turns(motion.postures.iter().zip(&motion.postures[1..]), 1.0);
+        assert!((turns[Joint::LeftLeg.index()] - 0.1).abs() < 1e-5 && turns[0] < 1e-5);
+        let figures = speed_figures(&motion, &[0.05; JOINT_COUNT]);
+        assert!((figures.joint_ratio - 2.0).abs() < 1e-3 && figures.fastest_joint == Some(Joint::LeftLeg));
+        assert!((figures.walking - 0.6).abs() < 1e-3 && (figures.fastest - 0.6).abs() < 1e-3);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::controller::optimize::UpdateFigures;
 use crate::editor::EditedFigures;
-use crate::metrics::{FootFigures, PenetrationFigures, Residual};
+use crate::metrics::{FootFigures, PenetrationFigures, Residual, SpeedFigures};
 use crate::settings::Settings;
 
 /// Version of the report's layout.
@@ -40,6 +40,7 @@ pub struct Report {
     pub cues: Vec<Residual>,
     pub foot: FootFigures,
     pub penetration: PenetrationFigures,
+    pub speed: SpeedFigures,
     /// What the editor did; none where it is switched off or the action was not completed.
     pub edited: Option<EditedFigures>,
     pub frames: usize,

@@ -248,10 +248,8 @@ pub struct PpoSettings {
     pub entropy: f32,
     /// At most this many updates.
     pub updates: usize,
-    /// Stop when this share of the episodes from the task's own start succeed (1.1: never)…
+    /// Stop when this share of the episodes from the task's own start succeed (1.1: never).
     pub solved: f32,
-    /// …or when this many seconds have gone; a run that is cut off so depends on the machine's speed.
-    pub seconds: f32,
     /// Share of episodes that begin elsewhere on the clear floor, facing anywhere.
     pub vary_start: f32,
     /// Begin with the policy that ships with Oncue where there is none for the scene, not from scratch.
@@ -277,7 +275,6 @@ impl Default for PpoSettings {
             entropy: 0.0,
             updates: 16,
             solved: 0.5,
-            seconds: 600.0,
             vary_start: 0.5,
             prior: true,
         }
@@ -384,7 +381,6 @@ impl Settings {
                 settings.ppo.log_std_future = 0.0;
                 settings.ppo.log_std_offset = 0.0;
                 settings.ppo.updates = 200;
-                settings.ppo.seconds = 2400.0;
                 settings.ppo.vary_start = 0.0;
                 settings.ppo.prior = false;
                 settings.kept.rollouts = 1;

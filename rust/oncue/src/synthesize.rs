@@ -9,7 +9,7 @@ use crate::cue::{ActionType, Task};
 use crate::editor::{check_manipulations, edit_for_task};
 use crate::error::Result;
 use crate::library::database::MotionDatabase;
-use crate::metrics::{Residual, foot_figures, penetration_figures, residual};
+use crate::metrics::{Residual, foot_figures, penetration_figures, residual, speed_figures};
 use crate::motion::{FRAME_RATE, Motion};
 use crate::progress::Progress;
 use crate::report::{PolicySource, REPORT_VERSION, Report};
@@ -94,6 +94,7 @@ pub fn synthesize(
         cues,
         foot,
         penetration,
+        speed: speed_figures(&motion, &database.usual_turns),
         edited,
         frames: motion.len(),
         path_m: kept.tally.travelled,

@@ -12,7 +12,8 @@ use super::search::SearchIndex;
 use crate::cue::ActionType;
 use crate::error::{Error, Result};
 use crate::math::Planar;
-use crate::motion::{FootContact, Joint, Posture};
+use crate::metrics::joint_turns;
+use crate::motion::{FootContact, JOINT_COUNT, Joint, Posture};
 use crate::progress::Progress;
 
 /// One frame of the database, as the synthesizer needs it. Everything person-centric: the root's
@@ -23,6 +24,8 @@ pub struct DatabaseFrame {
     pub posture: Posture,
     /// From this frame's person-centric space to the next frame's; standing still at a clip's end.
     pub step: Planar,
+    /// From the clip's first frame to this one.
+    travelled: Planar,
     pub contact: FootContact,
     /// Toe joints.
     pub toe: [Vec3; 2],
@@ -68,6 +71,8 @@ pub struct MotionDatabase {
     pub pose_features: Vec<PoseFeature>,
     pub weights: FeatureWeights,
     indices: [ActionIndex; 3],
+    /// 99.9th percentile of each joint's turn in a frame over all that is matched, radians.
+    pub usual_turns: [f32; JOINT_COUNT],
     /// Frames of standing still, at which a motion may begin.
     pub idle_frames: Vec<u32>,
 }
@@ -98,12 +103,18 @@ impl MotionDatabase {
         let stands = |f: &DatabaseFrame| f.label == ActionLabel::Idle && f.remaining >= 30;
         let idle_frames =
             (0..frames.len() as u32).filter(|&f| stands(&frames[f as usize])).collect::<Vec<u32>>();
+        let matched = frames
+            .iter()
+            .zip(frames.iter().skip(1))
+            .filter(|(a, _)| a.remaining > 0 && a.label != ActionLabel::Other);
+        let usual_turns = joint_turns(matched.map(|(a, b)| (&a.posture, &b.posture)), 0.999);
         let mut database = Self {
             library_checksum: library.checksum(),
             frames,
             pose_features,
             weights: weights.clone(),
             indices: Default::default(),
+            usual_turns,
             idle_frames,
         };
         if database.idle_frames.is_empty() {
@@ -172,7 +183,7 @@ impl MotionDatabase {
     /// Where the root is `ahead` frames later, person-centric. Stays inside the clip.
     pub fn travel(&self, frame: usize, ahead: usize) -> Planar {
         let ahead = ahead.min(usize::from(self.frames[frame].remaining));
-        self.frames[frame..frame + ahead].iter().fold(Planar::default(), |at, f| at.compose(f.step))
+        self.frames[frame].travelled.relative(self.frames[frame + ahead].travelled)
     }
 
     /// k*: the best frame to enter for `query` (LAMA, eq. 2). `hint` only speeds the search up.
@@ -215,6 +226,7 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
         frames.push(DatabaseFrame {
             posture: local,
             step,
+            travelled: planars[0].relative(here),
             contact: motion.contacts.get(i).copied().unwrap_or([0.0; 2]),
             toe: Joint::TOES.map(|j| pose.position(j)),
             foot_rotation: Joint::FEET.map(|j| pose.rotation(j)),

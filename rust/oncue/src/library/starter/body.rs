@@ -13,9 +13,9 @@ use super::curve::{keyed, mix, pendulum, running_minimum, smooth};
 use super::foot::{FootSample, FootTrack};
 use super::limb::{self, LEG_REACH};
 use super::plan::{Foothold, Plan};
-use super::seat::{self, PELVIS_OVER_SEAT, SeatState};
+use super::seat::{self, SeatState};
 use crate::math::planar::rotate;
-use crate::motion::skeleton::{JOINT_COUNT, JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT};
+use crate::motion::skeleton::{JOINT_COUNT, JOINT_OFFSET, LEG_LENGTH, SEATED_HIPS_HEIGHT, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, FootContact, Joint, Motion, Posture};
 
 /// Samples to a frame inside the generator.
@@ -200,7 +200,7 @@ impl Signals {
         };
         let standing: Vec<f32> = (0..n).map(|i| reach(i, self.easy_reach(i)).min(STANDING_HEIGHT)).collect();
         let standing = smooth(&running_minimum(&standing, (0.10 / STEP) as usize), 0.06 / STEP);
-        let seated = |i: usize| plan.seat.map_or(standing[i], |s| s.height + PELVIS_OVER_SEAT).min(1.2);
+        let seated = |i: usize| plan.seat.map_or(standing[i], |s| s.height + SEATED_HIPS_HEIGHT).min(1.2);
         let height: Vec<f32> = (0..n).map(|i| mix(standing[i], seated(i), self.seat[i].down)).collect();
         // Once more for the way to the seat.
         (0..n).map(|i| height[i].min(reach(i, LEG_REACH))).collect()
@@ -391,7 +391,7 @@ const ARMS: [[Joint; 4]; 2] = [
 /// On high seats the heels rise, then the feet leave the floor.
 fn seat_feet(plan: &Plan, seat: &[SeatState], feet: &mut [Vec<FootSample>; 2]) {
     let Some(place) = plan.seat else { return };
-    let legs = seat::seated_legs(place.height);
+    let legs = seat::seated_legs(place.height, place.tuck);
     if legs.pitch > -0.02 {
         return;
     }

@@ -6,7 +6,7 @@ use glam::Vec2;
 
 use super::body::animate;
 use super::plan::{Plan, Planner, STANDING_WIDTH, Seat, Seating, Stride};
-use super::seat::seated_legs;
+use super::seat::{TUCKED, seated_legs};
 use super::style::Style;
 use crate::error::Result;
 use crate::library::{ActionLabel, Clip, MotionLibrary, Segment, Source};
@@ -273,9 +273,9 @@ fn locomotion(out: &mut Vec<Recipe>) {
 }
 
 /// The seat behind a person who stands at the planner's place.
-fn seat_behind(p: &Planner, height: f32) -> Seat {
-    let back = rotate(p.yaw(), Vec2::Y) * seated_legs(height).ankle_ahead;
-    Seat { height, pelvis: p.position() + back, yaw: p.yaw() }
+fn seat_behind(p: &Planner, height: f32, tuck: f32) -> Seat {
+    let back = rotate(p.yaw(), Vec2::Y) * seated_legs(height, tuck).ankle_ahead;
+    Seat { height, tuck, pelvis: p.position() + back, yaw: p.yaw() }
 }
 
 /// Seconds from the first lean to sitting.
@@ -283,8 +283,8 @@ fn way_down(height: f32) -> f32 {
     2.45 - 0.9 * (height - 0.30)
 }
 
-fn sit_down(p: &mut Planner, height: f32) {
-    let seat = seat_behind(p, height);
+fn sit_down(p: &mut Planner, height: f32, tuck: f32) {
+    let seat = seat_behind(p, height, tuck);
     // The trunk begins to lean as the last foot comes down.
     let start = p.now() - if p.stepped() { 0.15 } else { 0.0 };
     let end = start + way_down(height);
@@ -304,23 +304,26 @@ fn seats(out: &mut Vec<Recipe>) {
                 let pairs = (degrees / 50.0).ceil() as usize;
                 p.turn_on_spot(degrees.to_radians(), pairs);
             }
-            sit_down(&mut p, height);
+            sit_down(&mut p, height, 0.0);
             add(out, format!("sit {cm} cm, turn {degrees}°"), p, 0.0);
         }
         // A back step to the seat, then down.
         let mut p = planner(out, 1);
         p.stand(MARGIN + 0.1).back_step(0.22, 0.42, 0.0).close(0.42);
-        sit_down(&mut p, height);
+        sit_down(&mut p, height, 0.0);
         add(out, format!("sit {cm} cm, back step"), p, 0.0);
+        if (0.40..0.56).contains(&height) {
+            tucked_sits(out, height);
+        }
         for degrees in [90.0f32, 135.0, 180.0] {
             let mut p = planner(out, if degrees > 100.0 { 1 } else { 0 });
             let from = walk_up_and_turn(&mut p, 0.8, degrees.to_radians());
-            sit_down(&mut p, height);
+            sit_down(&mut p, height, 0.0);
             add(out, format!("sit {cm} cm, walk up from {}°", 180.0 - degrees), p, from);
         }
         for walk_off in [false, true] {
             let mut p = planner(out, 0);
-            let seat = seat_behind(&p, height);
+            let seat = seat_behind(&p, height, 0.0);
             let plan = p.plan_mut();
             plan.seat = Some(seat);
             plan.seatings.push(Seating { down: false, start: 0.8, end: 0.8 + 0.88 * way_down(height) });
@@ -331,10 +334,33 @@ fn seats(out: &mut Vec<Recipe>) {
             add(out, format!("stand up {cm} cm{}", if walk_off { " and walk" } else { "" }), p, 0.0);
         }
         let mut p = planner(out, 0);
-        let seat = seat_behind(&p, height);
+        let seat = seat_behind(&p, height, 0.0);
         p.plan_mut().seat = Some(seat);
         p.stand(7.0);
         add(out, format!("seated {cm} cm"), p, 0.0);
+    }
+}
+
+/// Sits with the feet drawn back, as between a chair and its table: from standing, turning, and from the side.
+fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
+    let cm = (100.0 * height).round();
+    for degrees in [0.0f32, 45.0] {
+        let mut p = planner(out, 0);
+        p.stand(MARGIN + 0.1);
+        if degrees > 0.0 {
+            p.turn_on_spot(degrees.to_radians(), (degrees / 50.0).ceil() as usize);
+        }
+        sit_down(&mut p, height, TUCKED);
+        add(out, format!("sit {cm} cm tucked, turn {degrees}°"), p, 0.0);
+    }
+    for steps in [1, 2] {
+        let mut p = planner(out, 0);
+        p.stand(MARGIN + 0.1);
+        for _ in 0..steps {
+            p.side_step(0.26, 0.40);
+        }
+        sit_down(&mut p, height, TUCKED);
+        add(out, format!("sit {cm} cm tucked, {steps} side steps"), p, 0.0);
     }
 }
 

@@ -49,6 +49,8 @@ pub struct Seating {
 pub struct Seat {
     /// Metres.
     pub height: f32,
+    /// See [`super::seat::seated_legs`], radians.
+    pub tuck: f32,
     /// Pelvis joint's place on the floor.
     pub pelvis: Vec2,
     pub yaw: f32,

@@ -6,10 +6,8 @@
 
 use super::curve::{ease, keyed, mix};
 use super::plan::{Plan, Seating};
-use crate::motion::skeleton::{ANKLE_HEIGHT, LEG_LENGTH};
+use crate::motion::skeleton::{ANKLE_HEIGHT, LEG_LENGTH, SEATED_HIPS_HEIGHT};
 
-/// The pelvis joint over the seat, metres.
-pub const PELVIS_OVER_SEAT: f32 = 0.10;
 /// The pelvis joint behind the front edge, metres.
 #[cfg(test)]
 pub const PELVIS_BEHIND_EDGE: f32 = 0.22;
@@ -28,11 +26,15 @@ pub struct SeatedLegs {
     pub hanging: bool,
 }
 
-/// Legs of a person on a seat of `height` metres: feet flat up to about 0.54 m, then on the balls of the feet, then hanging.
-pub fn seated_legs(height: f32) -> SeatedLegs {
+/// Shins this much further under the seat, radians: how one sits down where a table leaves little room.
+pub const TUCKED: f32 = 0.30;
+
+/// Legs of a person on a seat of `height` metres: feet flat up to about 0.54 m, then on the balls of the feet, then
+/// hanging. `tuck`: radians that the shins lean back beyond what is comfortable.
+pub fn seated_legs(height: f32, tuck: f32) -> SeatedLegs {
     // Shins lean back under the seat on a chair, the feet go forward on a low one.
-    let shin = mix(-14.0, 7.0, ((height - 0.30) / 0.14).clamp(0.0, 1.0)).to_radians();
-    let hip = height + PELVIS_OVER_SEAT - HIP_BELOW_PELVIS;
+    let shin = mix(-14.0, 7.0, ((height - 0.30) / 0.14).clamp(0.0, 1.0)).to_radians() + tuck;
+    let hip = height + SEATED_HIPS_HEIGHT - HIP_BELOW_PELVIS;
     // Thighs slope down by 10° at most, else they would cut the seat's edge.
     let lowest_knee = hip - LEG_LENGTH * 10f32.to_radians().sin();
     let knee = (ANKLE_HEIGHT + LEG_LENGTH * shin.cos()).max(lowest_knee);
@@ -107,13 +109,16 @@ mod tests {
 
     #[test]
     fn legs_of_a_chair_bend_at_right_angles() {
-        let legs = seated_legs(0.45);
+        let legs = seated_legs(0.45, 0.0);
         let (drop, ahead) = (0.53 - legs.ankle_height, legs.ankle_ahead);
         let knee = 2.0 * (drop.hypot(ahead) / (2.0 * LEG_LENGTH)).acos();
         assert!((75f32..100.0).contains(&knee.to_degrees()), "{}", knee.to_degrees());
         assert!(legs.pitch.abs() < 0.02 && !legs.hanging);
-        assert!(seated_legs(0.30).ankle_ahead > legs.ankle_ahead + 0.05);
-        assert!(seated_legs(0.57).pitch < -0.1 && !seated_legs(0.57).hanging);
-        assert!(seated_legs(0.75).hanging);
+        assert!(seated_legs(0.30, 0.0).ankle_ahead > legs.ankle_ahead + 0.05);
+        assert!(seated_legs(0.57, 0.0).pitch < -0.1 && !seated_legs(0.57, 0.0).hanging);
+        assert!(seated_legs(0.75, 0.0).hanging);
+        // Tucked, the feet stay flat and come back by a hand's breadth.
+        let tucked = seated_legs(0.45, TUCKED);
+        assert!(tucked.pitch.abs() < 0.02 && legs.ankle_ahead - tucked.ankle_ahead > 0.10);
     }
 }

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hand cues → φ_M = {q_j^t}: where the hands are to be, frame by frame (LAMA, section 3.1 and supplementary).
+
+A hand cue is an empty. Its way is whatever Blender evaluates: its own keys, drivers, constraints, the hinge that it
+hangs on, the vertex that it is parented to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from ..errors import SceneError
+from .cue_reader import HANDS, visible_cues
+from .names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
+
+#: The core's frames a second.
+CORE_RATE = 30.0
+#: Kind of the cue → the hand that follows it.
+HAND = {"left_hand": "left", "right_hand": "right", "both_hands": "both"}
+#: Longer ranges are a slip of the keyboard, seconds.
+LONGEST = 120.0
+
+
+def read_manipulations(context: bpy.types.Context, start_frame: int, metres_per_unit: float = 1.0) -> list[dict]:
+    """One entry a visible hand cue: its name, the hand, the first core frame (30 Hz from `start_frame` on) and the
+    path from there: a point a frame, world, metres.
+
+    Goes through the frames and comes back to the current one. Raises SceneError naming the cue whose range or place
+    is amiss.
+    """
+    cues = visible_cues(context, *HANDS)
+    if not cues:
+        return []
+    scene = context.scene
+    spans = {cue.name: core_frames(scene, cue, start_frame) for cue in cues}
+    paths: dict[str, list] = {cue.name: [] for cue in cues}
+    per_frame = frame_rate(scene) / CORE_RATE
+    with current_frame_kept(scene):
+        for core_frame in sorted({frame for span in spans.values() for frame in span}):
+            _show(scene, start_frame + core_frame * per_frame)
+            depsgraph = context.evaluated_depsgraph_get()
+            for cue in cues:
+                if core_frame in spans[cue.name]:
+                    paths[cue.name].append(cue.evaluated_get(depsgraph).matrix_world.translation[:])
+    manipulations = []
+    for cue in cues:
+        path = np.array(paths[cue.name], dtype=np.float64) * metres_per_unit
+        if not np.isfinite(path).all():
+            raise SceneError(f"{cue.name} stands at a place that is not a number: look at its keys and constraints.")
+        begin = spans[cue.name].start
+        manipulations.append(
+            {"name": cue.name, "hand": HAND[cue[CUE_KEY]], "first_frame": begin, "path": path.tolist()}
+        )
+    return manipulations
+
+
+def frame_rate(scene: bpy.types.Scene) -> float:
+    return scene.render.fps / scene.render.fps_base
+
+
+def core_frames(scene: bpy.types.Scene, cue: bpy.types.Object, start_frame: int) -> range:
+    """The frames of the core that lie in a hand cue's range. Raises SceneError where there is none."""
+    first, last = cue.get(FIRST_FRAME_KEY), cue.get(LAST_FRAME_KEY)
+    if not isinstance(first, int | float) or not isinstance(last, int | float):
+        raise SceneError(f"{cue.name} does not say from which frame to which the hand follows it: place it again.")
+    if last < first:
+        raise SceneError(f"{cue.name} ends at frame {last:g}, before it begins at {first:g}: swap them.")
+    if first < start_frame:
+        raise SceneError(
+            f"{cue.name} begins at frame {first:g}, before the motion's first frame {start_frame}: move its range."
+        )
+    rate = frame_rate(scene)
+    if last - first > LONGEST * rate:
+        raise SceneError(f"{cue.name} lasts {(last - first) / rate:.0f} s, more than {LONGEST:.0f}: shorten its range.")
+    from_core, to_core = ((frame - start_frame) * CORE_RATE / rate for frame in (first, last))
+    # A range that is shorter than one frame of the core is that frame.
+    begin = math.ceil(from_core - 1e-6)
+    return range(begin, max(math.floor(to_core + 1e-6), begin) + 1)
+
+
+@contextmanager
+def current_frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
+    """Afterwards the scene stands at the frame at which it stood before."""
+    frame, subframe = scene.frame_current, scene.frame_subframe
+    try:
+        yield
+    finally:
+        scene.frame_set(frame, subframe=subframe)
+
+
+def _show(scene: bpy.types.Scene, frame: float) -> None:
+    whole = math.floor(frame + 1e-6)
+    scene.frame_set(whole, subframe=min(max(frame - whole, 0.0), 0.999999))

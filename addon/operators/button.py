@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One mixin for every button that changes the file at once."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..errors import SceneError
+
+
+class Button:
+    """Mixin of an operator that is one undo step. Its class gives `act`; what that refuses is shown as a sentence."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    def act(self, context: bpy.types.Context) -> None:
+        """Changes the file. Raises SceneError, before anything was changed."""
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        try:
+            self.act(context)
+        except SceneError as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}

@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Editing a take: pins, and solving it again."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, IntProperty
+
+from ..bridge import pins, session
+from ..job_operator import JobOperator
+from ..pipeline import Steps, edit_steps
+from .button import Button
+
+
+class ONCUE_OT_pin(Button, bpy.types.Operator):
+    """Pin the selected bones where they are now, so that Re-solve leaves them there"""
+
+    bl_idname = "oncue.pin"
+    bl_label = "Pin"
+
+    over_range: BoolProperty(
+        name="Over a Range", description="Ask for the frames", default=False, options={"SKIP_SAVE", "HIDDEN"}
+    )
+    first_frame: IntProperty(name="First Frame", description="From when on the bones stay there", options={"SKIP_SAVE"})
+    last_frame: IntProperty(name="Last Frame", description="Until when the bones stay there", options={"SKIP_SAVE"})
+    position: BoolProperty(name="Place", description="Hold where the bones are", default=True)
+    rotation: BoolProperty(name="Turn", description="Hold how the bones are turned", default=True)
+
+    @classmethod
+    def description(cls, _context, properties) -> str:
+        when = "over a range of frames" if properties.over_range else "at the current frame"
+        return f"Pin the selected bones where they are now, {when}, so that Re-solve leaves them there"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.mode != "POSE" or context.active_object != context.scene.oncue.character:
+            cls.poll_message_set("Select bones of the character in pose mode")
+            return False
+        return True
+
+    def invoke(self, context: bpy.types.Context, _event) -> set[str]:
+        if not self.over_range:
+            return self.execute(context)
+        now = context.scene.frame_current
+        self.first_frame, self.last_frame = now, now + 30
+        return context.window_manager.invoke_props_dialog(self)
+
+    def act(self, context: bpy.types.Context) -> None:
+        now = context.scene.frame_current
+        if not self.properties.is_property_set("first_frame"):
+            self.first_frame = now
+        if not self.properties.is_property_set("last_frame"):
+            self.last_frame = self.first_frame
+        pins.pin_bones(
+            context,
+            context.active_object,
+            self.first_frame,
+            self.last_frame,
+            position=self.position,
+            rotation=self.rotation,
+        )
+
+
+class ONCUE_OT_remove_pin(Button, bpy.types.Operator):
+    """Take this pin out; a key stays a key, and Re-solve may change it again"""
+
+    bl_idname = "oncue.remove_pin"
+    bl_label = "Remove Pin"
+
+    index: IntProperty(name="Pin", min=0, options={"SKIP_SAVE"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        pins.remove_pin(context.scene.oncue.character, self.index)
+
+
+class ONCUE_OT_resolve(JobOperator, bpy.types.Operator):
+    """Fit the motion around what you keyed and pinned: that stays, the frames around adapt. Esc cancels"""
+
+    bl_idname = "oncue.resolve"
+    bl_label = "Re-solve"
+    bl_options = {"REGISTER", "UNDO"}
+    title = "Re-solving"
+
+    def begin(self, context: bpy.types.Context) -> Steps:
+        request, self._take = session.read_edit(context)
+        return edit_steps(request)
+
+    def finish(self, context: bpy.types.Context, value: object) -> None:
+        touched = session.write_edit(context, self._take, value)
+        if touched is None:
+            self.report({"INFO"}, "The motion already fits: nothing has changed.")
+        else:
+            self.report({"INFO"}, f"Frames {touched[0]} to {touched[1]} were adapted.")
+
+
+register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_pin, ONCUE_OT_remove_pin, ONCUE_OT_resolve))

@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Kept policies in the preferences: thrown away on demand."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import StringProperty
+
+from ..bridge.policies import policy_cache
+
+
+class ONCUE_OT_clear_policies(bpy.types.Operator):
+    """Throw kept policies away; a scene that needed one optimizes it anew"""
+
+    bl_idname = "oncue.clear_policies"
+    bl_label = "Delete Kept Policies"
+    bl_options = {"INTERNAL"}
+
+    file: StringProperty(name="File", description="One policy's file name; empty for all", options={"SKIP_SAVE"})
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        count = policy_cache(context).clear(self.file)
+        self.report({"INFO"}, f"{count} kept {'policy' if count == 1 else 'policies'} deleted.")
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_clear_policies,))

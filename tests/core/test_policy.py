@@ -1,0 +1,112 @@
+"""Policies from Python: what ships, what is kept, what is tested from everywhere; and the extension's cache of them."""
+
+import importlib
+import importlib.util
+import os
+import sys
+from pathlib import Path
+
+import oncue_core
+import pytest
+from oncue_core import DataFileError, InputError, Library, Policy
+
+ROOT = Path(__file__).parents[2]
+QUICK = {"ppo": {"updates": 2, "tuples": 512, "solved": 1.1}, "kept": {"rollouts": 16, "rounds": 0, "more_rounds": 0}}
+
+
+@pytest.fixture(scope="module")
+def starter() -> Library:
+    return Library.starter()
+
+
+@pytest.fixture(scope="module")
+def optimized(bench_scene, starter):
+    task = {
+        "start": {"name": "Start", "position": [0.0, -1.2, 0.0], "yaw": 0.0},
+        "cue": {"name": "Stop", "action_type": "stop", "position": [0.3, 0.4, 0.99], "yaw": 0.5},
+    }
+    return oncue_core.optimize_policy(bench_scene, starter, [task], QUICK, 1, Policy.prior()).result()
+
+
+def test_the_prior_says_that_it_belongs_to_no_scene(bench_scene, starter):
+    origin = Policy.prior().origin
+    assert origin["scene"] == "" and origin["generalized"] and origin["updates"] > 0 and not origin["cues"]
+    assert not Policy.prior().belongs_to(bench_scene, starter.checksum)
+
+
+def test_a_policy_is_optimized_kept_and_read(bench_scene, starter, optimized, tmp_path):
+    policy, curve = optimized
+    assert [point["update"] for point in curve] == [0, 1] and all(point["success_rate"] is None for point in curve)
+    assert policy.belongs_to(bench_scene, starter.checksum)
+    path = tmp_path / "a.oncuepolicy"
+    policy.write(path)
+    assert Policy.read(path).origin == policy.origin
+    path.write_bytes(path.read_bytes()[:-9])
+    with pytest.raises(DataFileError, match="damaged"):
+        Policy.read(path)
+    with pytest.raises(FileNotFoundError):
+        Policy.read(tmp_path / "none.oncuepolicy")
+    with pytest.raises(InputError, match="no cue"):
+        oncue_core.optimize_policy(bench_scene, starter, [], QUICK).result()
+
+
+def test_robustness_counts_starts(bench_scene, starter, bench_task):
+    figures = oncue_core.robustness(
+        bench_scene, starter, Policy.prior(), bench_task, None, {"spacing": 1.0, "trials": 2, "needed": 1}
+    ).result()
+    met = [start["met"] for start in figures["starts"]]
+    assert len(met) > 3 and all(0 <= m <= 2 for m in met)
+    assert figures["ratio"] == pytest.approx(sum(m >= 1 for m in met) / len(met))
+    paper = oncue_core.default_settings("paper")
+    with pytest.raises(InputError, match="other settings"):
+        oncue_core.robustness(bench_scene, starter, Policy.prior(), bench_task, paper).result()
+
+
+@pytest.fixture
+def cache_class():
+    """The extension's cache, which knows no Blender."""
+    name = "addon_without_blender"
+    package = importlib.util.module_from_spec(importlib.util.spec_from_loader(name, loader=None, is_package=True))
+    package.__path__ = [str(ROOT / "addon")]
+    sys.modules[name] = package
+    yield importlib.import_module(f"{name}.policy_cache").PolicyCache
+    for module in [m for m in sys.modules if m.startswith(name)]:
+        del sys.modules[module]
+
+
+def test_the_cache_finds_only_what_belongs_and_stays_small(cache_class, bench_scene, starter, optimized, tmp_path):
+    policy, _ = optimized
+    folder = tmp_path / "policies"
+    cache = cache_class(folder, 10_000_000)
+    assert cache.find(bench_scene, starter) is None and cache.entries() == []
+    assert cache.keep(bench_scene, starter, policy)
+    assert cache.find(bench_scene, starter).origin == policy.origin
+    (entry,) = cache.entries()
+    assert "Stop" in entry.describe() and entry.bytes > 10_000
+    # Another scene has none, and a file that was copied to its place is not taken for its own.
+    positions, triangles, _ = oncue_core.practice_room(1)
+    other = oncue_core.index_scene(positions, triangles).result()
+    assert cache.find(other, starter) is None
+    entry.path.rename(cache._path(other, starter))
+    assert cache.find(other, starter) is None
+    # A damaged file is gone after it was looked at.
+    cache.keep(bench_scene, starter, policy)
+    path = cache._path(bench_scene, starter)
+    path.write_bytes(b"no policy")
+    assert "damaged" in next(e for e in cache.entries() if e.path == path).describe()
+    assert cache.find(bench_scene, starter) is None and not path.exists()
+    # The oldest goes first, the newest stays whatever the limit.
+    small = cache_class(folder, 1)
+    os.utime(cache._path(other, starter), (1, 1))
+    small.keep(bench_scene, starter, policy)
+    assert [e.path for e in small.entries()] == [path]
+    assert small.clear() == 1 and small.entries() == []
+
+
+def test_a_folder_that_cannot_be_written_keeps_nothing(cache_class, bench_scene, starter, optimized, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    cache = cache_class(tmp_path / "file" / "policies", 1_000_000)
+    assert not cache.keep(bench_scene, starter, optimized[0])
+    assert cache.entries() == [] and cache.clear() == 0
+    with pytest.raises(OSError, match="file"):
+        optimized[0].write(tmp_path / "file" / "x.oncuepolicy")
