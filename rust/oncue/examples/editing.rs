@@ -17,7 +17,7 @@ use oncue::editor::manipulation::{Manipulated, lengthened, manipulate};
 use oncue::editor::plain_ik::plain_ik;
 use oncue::editor::seat::Seat;
 use oncue::editor::smoothness::smoothness;
-use oncue::editor::{ConstraintFigures, Manifold};
+use oncue::editor::{ConstraintFigures, Manifold, shipped_manifold};
 use oncue::library::database::MotionDatabase;
 use oncue::metrics::{foot_figures, penetration_figures};
 use oncue::scene::SceneIndex;
@@ -87,7 +87,10 @@ fn main() -> Result<(), AnyError> {
             editor: EditorSettings { fit: false, ..Default::default() },
             ..Default::default()
         },
-        manifold: a.manifold.as_deref().map(Manifold::read).transpose()?,
+        manifold: match a.manifold.as_deref() {
+            Some(file) => Some(Manifold::read(file)?),
+            None => shipped_manifold().cloned(),
+        },
         arguments: a,
     };
     let only = run.arguments.only.clone();

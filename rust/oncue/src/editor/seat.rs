@@ -32,6 +32,8 @@ const LONGEST_LEG: f32 = 0.985;
 const STANDS: f32 = 0.004;
 /// No one takes longer to sit down, frames.
 const LONGEST_DESCENT: usize = 75;
+/// A swing shorter than this carries no foot elsewhere, frames.
+const SHORTEST_SWING: usize = 8;
 /// Seconds of a seated step, and between the two feet's.
 const STEP_SECONDS: f32 = 0.6;
 const STEP_APART: f32 = 0.35;
@@ -246,7 +248,7 @@ impl Seat<'_> {
             let place = &settled.feet[side];
             let lifts = place.ankle.truncate().distance(from.ankle.truncate()) > 0.02 || settled.hangs[side];
             // Feet that will hang leave the floor while the seat takes the weight.
-            let begin = if settled.hangs[side] { self.complete.saturating_sub(steps * 2 / 3) } else { next };
+            let begin = if settled.hangs[side] { self.leaves_floor(&plan, side, steps) } else { next };
             let end = begin + steps;
             while plan.feet.len() < end + 4 {
                 hold(motion, &mut plan, &mut contacts);
@@ -278,11 +280,23 @@ impl Seat<'_> {
         (plan, contacts)
     }
 
+    /// The frame on which a foot that is to hang leaves the floor: while the seat takes the weight, and before the leg gets
+    /// too short for it.
+    fn leaves_floor(&self, plan: &FootPlan, side: usize, steps: usize) -> usize {
+        let too_short = self.descent().into_iter().find(|&(frame, root)| {
+            let posture = &self.motion.postures[frame];
+            let hip = posture.pose().position(LEGS[side][0]) + root - posture.root_position;
+            hip.distance(plan.feet[frame][side].ankle) > 2.0 * LEG_LENGTH * 0.95
+        });
+        let seated = self.complete.saturating_sub(steps * 2 / 3);
+        too_short.map_or(seated, |(frame, _)| seated.min(frame.saturating_sub(3)))
+    }
+
     /// How much of a foot's shift its last plant takes: as much as the leg reaches while the body still stands.
     fn share_before_sitting(&self, motion: &Motion, plan: &FootPlan, side: usize, shift: Vec2) -> f32 {
         let Some(swing) = plan.last_swing(side, self.complete) else { return 0.0 };
         let stands = swing.end..self.complete;
-        if stands.is_empty() || swing.start == 0 {
+        if stands.is_empty() || swing.start == 0 || swing.len() < SHORTEST_SWING {
             return 0.0;
         }
         let longest = 2.0 * LEG_LENGTH * LONGEST_LEG;
