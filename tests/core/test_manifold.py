@@ -39,6 +39,15 @@ def test_a_library_gives_a_manifold_with_its_figures(library, manifold):
     assert 0 <= figures["test"]["contact_accuracy"] <= 1
 
 
+def test_the_shipped_manifold_tells_its_data_and_its_errors():
+    figures = Manifold.shipped().figures
+    assert "CC BY 3.0" in figures["settings"]["origin"]
+    assert "mocap.cs.cmu.edu" in figures["settings"]["origin"]
+    for part in ("test", "test_mocap"):
+        assert figures[part]["joint_error_cm"] < 2
+        assert figures[part]["rotation_error_degrees"] < 3
+
+
 def test_what_is_written_is_read(manifold, tmp_path):
     path = tmp_path / "own.oncueman"
     manifold.write(path)

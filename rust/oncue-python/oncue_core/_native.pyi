@@ -119,6 +119,9 @@ class Manifold:
     """Ψ and Ψ⁻¹: the autoencoder that motions are edited in (LAMA, section 3.6). Immutable."""
 
     @staticmethod
+    def shipped() -> Manifold:
+        """The manifold that ships with Oncue; docs/manifold.md tells the data that it was made from."""
+    @staticmethod
     def read(path: str | os.PathLike[str]) -> Manifold:
         """Reads a manifold's file. OSError, and DataFileError for one that is foreign, too new, damaged or of another
         skeleton."""

@@ -25,6 +25,12 @@ impl Manifold {
 
 #[pymethods]
 impl Manifold {
+    /// The manifold that ships with Oncue.
+    #[staticmethod]
+    fn shipped(py: Python<'_>) -> PyResult<Self> {
+        job::run(py, || oncue::editor::Manifold::shipped().cloned()).map(Self::new)
+    }
+
     /// Reads a manifold's file.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {

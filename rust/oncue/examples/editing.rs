@@ -126,13 +126,13 @@ impl Column {
 }
 
 impl Run {
-    /// Every seat of the rooms: as the controller leaves it, and fitted, with cues for the feet and without.
+    /// Every seat of the rooms: as the controller leaves it, and fitted.
     fn seats(&self) -> Result<(), AnyError> {
         let rooms = self.arguments.shared.join("data/rooms");
         let mut scene: Option<(String, SceneIndex)> = None;
         let mut columns: [Column; 6] = Default::default();
         println!(
-            "seat                              feet |  s | pelvis cm  ° | feet cm   | sole °    | thigh back cm was      | skate was  contact was | acc was     turn was   | body% was"
+            "seat                              how   |  s | pelvis cm  ° | feet cm   | sole °    | thigh back cm was      | skate was  contact was | acc was     turn was   | body% was"
         );
         for row in common::rooms::read(&rooms) {
             if scene.as_ref().is_none_or(|(room, _)| *room != row.room) {
@@ -164,12 +164,17 @@ impl Run {
                 println!("{name:33} the controller does not get there");
                 continue;
             }
-            for with_feet in [false, true] {
+            // As it is; with cues for the feet; and at a cue that the controller did not aim at.
+            for how in ["own", "feet", "moved"] {
                 let mut cue = row.task.cue.clone();
-                if with_feet {
-                    // Feet apart by 24 cm, 38 cm before the pelvis.
-                    let at = |side: f32| cue.planar().point_to_world(Vec2::new(side, -0.38)).extend(floor);
-                    cue.feet = [Some(at(0.12)), Some(at(-0.12))];
+                let here = cue.planar();
+                if how == "feet" {
+                    let at =
+                        |side: f32, ahead: f32| here.point_to_world(Vec2::new(side, -ahead)).extend(floor);
+                    cue.feet = [Some(at(0.20, 0.42)), Some(at(-0.10, 0.30))];
+                } else if how == "moved" {
+                    cue.position = here.point_to_world(Vec2::new(0.05, -0.06)).extend(cue.position.z + 0.04);
+                    cue.yaw += 0.2;
                 }
                 let seat = Seat {
                     motion: &motion,
@@ -200,8 +205,8 @@ impl Run {
                 };
                 let feet = |f: Option<f32>| f.map_or("  - ".into(), |f| format!("{f:4.2}"));
                 println!(
-                    "{name:33} {:4} |{seconds:4.1}| {:5.2} {:5.2} | {} {} | {:3.1} {:3.1}{} | {:4.1}/{:4.1} {:4.1}/{:4.1} | {:.2}/{:.2} {:.1}/{:.1} | {:3.0}/{:3.0} {:3.0}/{:3.0} | {:.1}/{:.1}",
-                    if with_feet { "cues" } else { "own" },
+                    "{name:33} {:5} |{seconds:4.1}| {:5.2} {:5.2} | {} {} | {:3.1} {:3.1}{} | {:4.1}/{:4.1} {:4.1}/{:4.1} | {:.2}/{:.2} {:.1}/{:.1} | {:3.0}/{:3.0} {:3.0}/{:3.0} | {:.1}/{:.1}",
+                    how,
                     s.pelvis_cm,
                     s.facing_degrees,
                     feet(s.feet_cm[0]),
@@ -230,7 +235,7 @@ impl Run {
                 columns[3].0.push(s.thigh_cm);
                 columns[4].0.push(s.back_cm);
                 columns[5].0.push(seconds);
-                let file = format!("{name}-{}", if with_feet { "cues" } else { "own" });
+                let file = format!("{name}-{how}");
                 self.write(&file, &fit.motion, &motion, &serde_json::json!({"cue": cue, "floor": floor}))?;
             }
         }

@@ -320,6 +320,8 @@ pub struct EditorSettings {
     pub w_foot: f32,
     pub w_root: f32,
     pub w_root_velocity: f32,
+    /// Ours: weight of what trembles in the changed rotations.
+    pub w_smooth: f32,
     /// An edit fades in before the first frame that asks for it and out after the last, seconds.
     pub blend_seconds: f32,
     /// Seconds of a reach of no length, and what each metre adds to it; a return takes as long.
@@ -334,11 +336,12 @@ impl Default for EditorSettings {
             manifold: true,
             learning_rate: 0.005,
             steps: 500,
-            met: 0.02,
+            met: 0.03,
             w_pos: 7.0,
             w_foot: 6.0,
             w_root: 1.0,
             w_root_velocity: 10.0,
+            w_smooth: 1.0,
             blend_seconds: 0.8,
             reach_seconds: 0.6,
             reach_seconds_per_metre: 0.3,

@@ -322,8 +322,8 @@ fn keys_stay_to_the_bit_and_the_frames_around_adapt() {
     let untouched = motion.clone();
     let (arm, spine) = (Joint::LeftArm.index(), Joint::Spine1.index());
     let keyed = &mut motion.postures[70];
-    keyed.rotations[arm] = keyed.rotations[arm] * Quat::from_rotation_y(-0.9);
-    keyed.rotations[spine] = keyed.rotations[spine] * Quat::from_rotation_x(0.2);
+    keyed.rotations[arm] *= Quat::from_rotation_y(-0.9);
+    keyed.rotations[spine] *= Quat::from_rotation_x(0.2);
     let keys = ["LeftArm", "Spine1"].map(|joint| Key { joint: joint.into(), frame: 70 });
     let edited = edit_with_keys(&motion, &[], &keys).expect("an edit");
     let after = &edited.motion;

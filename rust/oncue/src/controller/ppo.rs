@@ -12,6 +12,9 @@ use crate::nn::{Activations, Adam, CHUNK_ROWS};
 use crate::progress::Progress;
 use crate::settings::PpoSettings;
 
+/// Parameters that one thread takes at a time where they are added up.
+const SLICE: usize = 1 << 15;
+
 /// Returns are divided by this before the value network learns them.
 const VALUE_SCALE: f32 = 10.0;
 
@@ -66,7 +69,9 @@ impl Ppo {
     ) -> Result<()> {
         let size = policy.state_size();
         let map = policy.normalizer.map();
-        let raw = tuples.states.clone();
+        // What is learnt of the states' spread serves from the next update on.
+        let mut normalizer = policy.normalizer.clone();
+        normalizer.update(&tuples.states);
         tuples.states.par_chunks_mut(size * CHUNK_ROWS).for_each(|rows| Policy::normalize(rows, &map));
         Policy::normalize(&mut tuples.last_states, &map);
         let values = all_values(policy, &tuples.states);
@@ -84,7 +89,7 @@ impl Ppo {
                 self.step(policy, tuples, &advantages, &returns, batch, settings, &mut chunks);
             }
         }
-        policy.normalizer.update(&raw);
+        policy.normalizer = normalizer;
         Ok(())
     }
 
@@ -124,7 +129,9 @@ impl Ppo {
 }
 
 fn add(a: &mut [f32], b: &[f32]) {
-    a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+    a.par_chunks_mut(SLICE).zip(b.par_chunks(SLICE)).for_each(|(a, b)| {
+        a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+    });
 }
 
 fn clip_factor(gradient: &[f32], n: f32, limit: f32) -> f32 {
@@ -183,14 +190,11 @@ impl Chunk {
         for &t in rows {
             self.states.extend_from_slice(&tuples.states[t * size..(t + 1) * size]);
         }
-        for (gradient, count) in [
-            (&mut self.policy_gradient, policy.policy.parameters.len()),
-            (&mut self.value_gradient, policy.value.parameters.len()),
-            (&mut self.std_gradient, vector_size),
-        ] {
-            gradient.clear();
-            gradient.resize(count, 0.0);
-        }
+        // The networks write theirs whole.
+        self.policy_gradient.resize(policy.policy.parameters.len(), 0.0);
+        self.value_gradient.resize(policy.value.parameters.len(), 0.0);
+        self.std_gradient.clear();
+        self.std_gradient.resize(vector_size, 0.0);
 
         policy.policy.forward(&self.states, rows.len(), &mut self.policy_activations);
         self.d_policy.clear();

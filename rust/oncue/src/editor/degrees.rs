@@ -84,6 +84,8 @@ const SHOWS_ITS_PLANE: f32 = 0.35;
 pub struct Degrees {
     parts: Vec<Part>,
     count: usize,
+    /// Joints go no further than a person's.
+    limited: bool,
 }
 
 impl Degrees {
@@ -111,10 +113,10 @@ impl Degrees {
             parts.extend([Part::Ball(leg[0]), hinge(leg[1]), Part::Ball(leg[2]), hinge(leg[3])]);
         }
         let count = parts.iter().map(|p| p.size()).sum();
-        Self { parts, count }
+        Self { parts, count, limited: true }
     }
 
-    /// The plain solver of the ablation: one arm (or both) and the spine above a pelvis that stays.
+    /// The plain solver of the ablation: one arm (or both) and the spine above a pelvis that stays, without limits.
     pub fn arm_and_spine(joints: &[Joint]) -> Self {
         use Joint::*;
         let mut parts: Vec<Part> = [Spine, Spine1, Spine2].map(Part::Ball).to_vec();
@@ -124,7 +126,7 @@ impl Degrees {
             }
         }
         let count = parts.iter().map(|p| p.size()).sum();
-        Self { parts, count }
+        Self { parts, count, limited: false }
     }
 
     /// Numbers of one frame's correction.
@@ -228,7 +230,7 @@ impl Degrees {
         correction: &'a [f64],
     ) -> impl Iterator<Item = Beyond> + 'a {
         let mut hinges = frame.hinges.iter();
-        self.indexed().filter_map(move |(part, first)| match part {
+        self.indexed().filter(|_| self.limited).filter_map(move |(part, first)| match part {
             Part::Shift => None,
             Part::Hinge(_) => {
                 let hinge = hinges.next()?;

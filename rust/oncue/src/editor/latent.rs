@@ -13,8 +13,11 @@ use serde::{Deserialize, Serialize};
 
 use super::kinematics::{Kinematics, RootPath};
 use super::manifold::{DecoderWorkspace, Manifold};
-use super::window::{CONTACTS, FEATURES, HEIGHT, STEP, WINDOW, from_motion, rotation_range, to_motion};
+use super::window::{
+    CONTACTS, FEATURES, HEIGHT, ROTATIONS, STEP, WINDOW, from_motion, rotation_range, to_motion,
+};
 use crate::error::Result;
+use crate::math::rotation::{from_angle_axis, to_angle_axis};
 use crate::motion::{JOINT_COUNT, Joint, Motion, Posture};
 use crate::nn::Adam;
 use crate::progress::Progress;
@@ -99,6 +102,7 @@ pub fn search<D: Decoder>(
             out.postures[frame] = posture;
         }
     }
+    filter_changes(search.motion, &mut out, &search.span);
     let mean = |f: fn(&Found) -> f32| found.iter().map(f).sum::<f32>() / found.len().max(1) as f32;
     let figures = SearchFigures {
         windows: windows.len(),
@@ -107,6 +111,41 @@ pub fn search<D: Decoder>(
         after_cm: 100.0 * mean(|f| f.after),
     };
     Ok((out, figures))
+}
+
+/// σ of the filter over what the search changed, frames.
+const FILTER: f32 = 3.0;
+
+/// What the search changed in `span`, filtered over time: a convolutional decoder that is led far from where it was trained
+/// trembles from frame to frame, and no one moves so. What the filter takes from a target the finishing pass gives back.
+fn filter_changes(before: &Motion, found: &mut Motion, span: &Range<usize>) {
+    let changes: Vec<([Vec3; JOINT_COUNT], Vec3)> = span
+        .clone()
+        .map(|f| {
+            let (a, b) = (&before.postures[f], &found.postures[f]);
+            let turn = |j: usize| to_angle_axis(a.rotations[j].inverse() * b.rotations[j]);
+            (std::array::from_fn(turn), b.root_position - a.root_position)
+        })
+        .collect();
+    let radius = (3.0 * FILTER) as i64;
+    let last = changes.len() as i64 - 1;
+    for (i, frame) in span.clone().enumerate() {
+        let (mut turns, mut shift, mut total) = ([Vec3::ZERO; JOINT_COUNT], Vec3::ZERO, 0.0);
+        for d in -radius..=radius {
+            let weight = (-0.5 * (d as f32 / FILTER).powi(2)).exp();
+            let (other_turns, other_shift) = &changes[(i as i64 + d).clamp(0, last) as usize];
+            turns.iter_mut().zip(other_turns).for_each(|(t, o)| *t += *o * weight);
+            shift += *other_shift * weight;
+            total += weight;
+        }
+        let own = &before.postures[frame];
+        found.postures[frame] = Posture {
+            root_position: own.root_position + shift / total,
+            rotations: std::array::from_fn(|j| {
+                (own.rotations[j] * from_angle_axis(turns[j] / total)).normalize()
+            }),
+        };
+    }
 }
 
 /// Frames that two windows share.
@@ -163,12 +202,13 @@ fn window<D: Decoder>(decoder: &D, search: &Search, first: usize, progress: &Pro
         return Ok(Found { motion: original, steps: 0, before: 0.0, after: 0.0 });
     }
     let (x, start) = from_motion(&original);
+    let latent = decoder.encode(&x);
     let root = original.postures.iter().map(|p| p.root_position.truncate()).collect();
-    let loss = Loss { targets, feet, root, settings };
+    let loss = Loss { targets, feet, root, x, settings };
 
     let mut work = D::Work::default();
-    let mut z = decoder.encode(&x);
-    let carried = Carried::new(&x, decoder.decode(&z, &mut work));
+    let mut z = latent;
+    let carried = Carried::new(&loss.x, decoder.decode(&z, &mut work));
     let mut adam = Adam::new(settings.learning_rate, z.len());
     let mut pass = Pass::default();
     let mut misses = Vec::with_capacity(settings.steps);
@@ -258,12 +298,14 @@ struct Pass {
     d_x: Vec<f32>,
 }
 
-/// L = w_p·L_pos + w_f·L_foot + w_r·L_root. Means where the paper has sums, so that one pinned frame weighs as much
-/// as a long path.
+/// L = w_p·L_pos + w_f·L_foot + w_r·L_root, and ours: w_s times the second differences of what is changed in X's rotations.
+/// Means where the paper has sums, so that one pinned frame weighs as much as a long path.
 struct Loss<'a> {
     targets: Vec<Target>,
     feet: Vec<FootPlaces>,
     root: Vec<Vec2>,
+    /// X of the motion before.
+    x: Vec<f32>,
     settings: &'a EditorSettings,
 }
 
@@ -291,7 +333,7 @@ impl Loss<'_> {
 
     /// L at the carried X of `pass`.
     #[cfg(test)]
-    fn value(&self, k: &Kinematics) -> f64 {
+    fn value(&self, k: &Kinematics, x: &[f32]) -> f64 {
         let s = self.settings;
         let (targets, frames) = (self.targets.len() as f64, self.root.len() as f64);
         let mut sum = 0.0;
@@ -316,7 +358,23 @@ impl Loss<'_> {
                 sum += f64::from(s.w_root_velocity * (off(f) - off(f - 1)).length_squared()) / frames;
             }
         }
+        for (row, feature) in self.curved() {
+            sum += f64::from(s.w_smooth * self.bend(x, row, feature).powi(2)) / frames;
+        }
         sum
+    }
+
+    /// Every second difference that L counts: its first row, and the feature.
+    fn curved(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        (0..self.root.len().saturating_sub(2)).flat_map(|row| ROTATIONS.map(move |feature| (row, feature)))
+    }
+
+    fn bend(&self, x: &[f32], row: usize, feature: usize) -> f32 {
+        let change = |d: usize| {
+            let at = (row + d) * FEATURES + feature;
+            x[at] - self.x[at]
+        };
+        change(0) - 2.0 * change(1) + change(2)
     }
 
     /// The gradient of L by X, into `pass.d_x`.
@@ -357,6 +415,14 @@ impl Loss<'_> {
         }
         pass.d_x.clear();
         pass.d_x.resize(frames * FEATURES, 0.0);
+        let scale = 2.0 * s.w_smooth / frames as f32;
+        for (row, feature) in self.curved() {
+            let at = |d: usize| (row + d) * FEATURES + feature;
+            let bend = scale * self.bend(&pass.x, row, feature);
+            pass.d_x[at(0)] += bend;
+            pass.d_x[at(1)] -= 2.0 * bend;
+            pass.d_x[at(2)] += bend;
+        }
         k.backward(&pass.x, &pass.d_positions, Some(&pass.d_rotations), &mut pass.d_x);
     }
 }
@@ -494,7 +560,7 @@ mod tests {
         let at = |frame, joint: Joint, rotation| Target { frame, joint, position: Some(Vec3::ONE), rotation };
         let targets =
             vec![at(40, Joint::LeftHand, Some(Mat3::from_rotation_x(0.4))), at(90, Joint::Hips, None)];
-        let loss = Loss { targets, feet: places(&motion), root, settings: &settings };
+        let loss = Loss { targets, feet: places(&motion), root, x: x.clone(), settings: &settings };
         let mut work = <Linear as Decoder>::Work::default();
         let mut z = decoder.encode(&x);
         let carried = Carried::new(&x, decoder.decode(&z, &mut work));
@@ -503,7 +569,7 @@ mod tests {
         let mut value = |z: &[f32], pass: &mut Pass| {
             carried.apply(decoder.decode(z, &mut work), &mut pass.x);
             pass.kinematics.forward(&pass.x, RootPath::From(start));
-            loss.value(&pass.kinematics)
+            loss.value(&pass.kinematics, &pass.x)
         };
         value(&z, &mut pass);
         loss.gradient(&mut pass);

@@ -5,6 +5,7 @@
 //! the units of [`super::window`]: what the networks see is normalized inside.
 
 use std::path::Path;
+use std::sync::OnceLock;
 
 use half::f16;
 use rand::SeedableRng;
@@ -89,6 +90,20 @@ impl Manifold {
             normalization: Normalization::default(),
             report: TrainingReport::default(),
         }
+    }
+
+    /// The manifold that ships with Oncue; docs/manifold.md tells the data and the command that it was made with.
+    ///
+    /// # Errors
+    /// [`Error::DataFile`] where this build carries a damaged one.
+    pub fn shipped() -> Result<&'static Self> {
+        static SHIPPED: OnceLock<Manifold> = OnceLock::new();
+        if let Some(manifold) = SHIPPED.get() {
+            return Ok(manifold);
+        }
+        let bytes = include_bytes!("../../data/manifold.oncueman");
+        let manifold = Self::from_bytes(bytes, Path::new("the manifold that ships with Oncue"))?;
+        Ok(SHIPPED.get_or_init(|| manifold))
     }
 
     fn zeros(channels: usize) -> Self {
@@ -313,8 +328,10 @@ fn gather_windows(coarse: &[f32], windows: usize, channels: usize, z: &mut [f32]
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::editor::kinematics::{Kinematics, RootPath};
     use crate::editor::window::from_motion;
     use crate::editor::window::tests::random_motion;
+    use crate::motion::{JOINT_COUNT, Motion};
 
     fn manifold() -> Manifold {
         let mut manifold = Manifold::random(16, 1);
@@ -410,5 +427,31 @@ mod tests {
         let mut nonsense = manifold;
         nonsense.normalization.std[3] = 0.0;
         assert!(sentence(&nonsense.to_bytes()).contains("damaged"));
+    }
+
+    #[test]
+    fn the_shipped_manifold_gives_motion_back() {
+        assert!(include_bytes!("../../data/manifold.oncueman").len() < 10_000_000);
+        let manifold = Manifold::shipped().unwrap();
+        let report = &manifold.report;
+        for needed in ["nox -s manifold", "ACCAD", "CC BY 3.0", "mocap.cs.cmu.edu", "NSF EIA-0196217"] {
+            assert!(report.settings.origin.contains(needed), "{needed}");
+        }
+        assert!(report.test.joint_error_cm < 2.0 && report.test.rotation_error_degrees < 3.0);
+        assert!(report.test_mocap.joint_error_cm < 2.0 && report.test_mocap.rotation_error_degrees < 3.0);
+        // Measured here, not only read: a walk to a seat from the starter library, whose joints come back in place.
+        let library = crate::library::starter::generate(&crate::Progress::new()).unwrap();
+        let clip =
+            library.clips.iter().find(|c| c.name.starts_with("sit") && c.motion.len() >= WINDOW).unwrap();
+        let postures = clip.motion.postures[..WINDOW].to_vec();
+        let (x, _) = from_motion(&Motion { postures, contacts: clip.motion.contacts[..WINDOW].to_vec() });
+        let mut work = DecoderWorkspace::default();
+        let back = manifold.decode(&manifold.encode(&x), &mut work);
+        let (mut wanted, mut found) = (Kinematics::default(), Kinematics::default());
+        wanted.forward(&x, RootPath::Centred);
+        found.forward(back, RootPath::Centred);
+        let pairs = found.positions.iter().flatten().zip(wanted.positions.iter().flatten());
+        let error = pairs.map(|(a, b)| a.distance(*b)).sum::<f32>() / (WINDOW * JOINT_COUNT) as f32;
+        assert!(error < 0.015, "{error} m");
     }
 }

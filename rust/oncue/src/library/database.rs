@@ -24,6 +24,8 @@ pub struct DatabaseFrame {
     pub posture: Posture,
     /// From this frame's person-centric space to the next frame's; standing still at a clip's end.
     pub step: Planar,
+    /// From the clip's first frame to this one.
+    travelled: Planar,
     pub contact: FootContact,
     /// Toe joints.
     pub toe: [Vec3; 2],
@@ -181,7 +183,7 @@ impl MotionDatabase {
     /// Where the root is `ahead` frames later, person-centric. Stays inside the clip.
     pub fn travel(&self, frame: usize, ahead: usize) -> Planar {
         let ahead = ahead.min(usize::from(self.frames[frame].remaining));
-        self.frames[frame..frame + ahead].iter().fold(Planar::default(), |at, f| at.compose(f.step))
+        self.frames[frame].travelled.relative(self.frames[frame + ahead].travelled)
     }
 
     /// k*: the best frame to enter for `query` (LAMA, eq. 2). `hint` only speeds the search up.
@@ -224,6 +226,7 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
         frames.push(DatabaseFrame {
             posture: local,
             step,
+            travelled: planars[0].relative(here),
             contact: motion.contacts.get(i).copied().unwrap_or([0.0; 2]),
             toe: Joint::TOES.map(|j| pose.position(j)),
             foot_rotation: Joint::FEET.map(|j| pose.rotation(j)),

@@ -102,7 +102,7 @@ impl Mlp {
         }
     }
 
-    /// Adds the gradient of a loss to `gradient` (as long as `parameters`), given its derivative by the
+    /// Writes the gradient of a loss to `gradient` (as long as `parameters`), given its derivative by the
     /// output of the last [`Mlp::forward`] with the same `input` and `activations`.
     pub fn backward(
         &self,
@@ -118,7 +118,8 @@ impl Mlp {
         for (layer, (offset, inputs, outputs)) in self.layers().enumerate().rev() {
             let x: &[f32] = if layer == 0 { input } else { &layers[layer - 1] };
             let (d_weight, rest) = gradient[offset..].split_at_mut(inputs * outputs);
-            matmul(d_weight, View::new(upper, rows, outputs).t(), View::new(x, rows, inputs), true);
+            matmul(d_weight, View::new(upper, rows, outputs).t(), View::new(x, rows, inputs), false);
+            rest[..outputs].fill(0.0);
             for row in upper.chunks_exact(outputs) {
                 for (d, v) in rest[..outputs].iter_mut().zip(row) {
                     *d += v;

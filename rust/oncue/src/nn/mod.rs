@@ -15,4 +15,4 @@ pub use conv1d::Conv1d;
 pub use mlp::{Activations, Mlp};
 
 /// Rows of a batch that one thread takes at a time.
-pub const CHUNK_ROWS: usize = 128;
+pub const CHUNK_ROWS: usize = 256;

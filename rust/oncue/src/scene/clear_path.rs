@@ -11,6 +11,7 @@ use super::eikonal::TravelTimes;
 use super::raster::Raster;
 use super::settings::SceneSettings;
 use crate::cue::{ActionCue, ActionType};
+use crate::math::floor;
 
 /// Approach points lie so far from the pelvis target, metres: from where a person begins to sit down, to a step before.
 const APPROACH: (f32, f32) = (0.45, 0.75);
@@ -240,7 +241,7 @@ impl ClearPath {
     /// Unit vector down the travel time, between the four nearest cells; zero where they disagree or it is flat.
     fn descent(&self, at: Vec2) -> Vec2 {
         let p = (at - self.raster.origin) / self.raster.cell - 0.5;
-        let low = p.floor();
+        let low = floor(p);
         let f = p - low;
         let (width, height) = (self.raster.width as i32, self.raster.height as i32);
         let (x, y) = (low.x as i32, low.y as i32);

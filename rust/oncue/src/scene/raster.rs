@@ -2,6 +2,8 @@
 
 use glam::Vec2;
 
+use crate::math::floor;
+
 /// Where the cells of a grid lie. Cells are indexed `x + width * y`; (0, 0) has its lower corner at `origin`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Raster {
@@ -30,7 +32,7 @@ impl Raster {
 
     /// The cell at a world place; `None` outside.
     pub fn index_at(&self, xy: Vec2) -> Option<usize> {
-        let c = ((xy - self.origin) / self.cell).floor();
+        let c = floor((xy - self.origin) / self.cell);
         let inside = c.cmpge(Vec2::ZERO).all() && c.x < self.width as f32 && c.y < self.height as f32;
         inside.then(|| c.x as usize + self.width * c.y as usize)
     }
@@ -51,7 +53,7 @@ impl Raster {
     pub fn bilinear(&self, values: &[f32], xy: Vec2) -> Option<f32> {
         self.index_at(xy)?;
         let p = (xy - self.origin) / self.cell - 0.5;
-        let low = p.floor();
+        let low = floor(p);
         let f = p - low;
         let at = |dx: i32, dy: i32| {
             let x = (low.x as i32 + dx).clamp(0, self.width as i32 - 1) as usize;
