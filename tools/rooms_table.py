@@ -17,6 +17,7 @@ import json
 import os
 import platform
 import subprocess
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -197,7 +198,10 @@ def run(options: argparse.Namespace, table: Table, task: Task) -> Row:
 def quietly(options: argparse.Namespace, script: str, *arguments: str) -> tuple[int, str]:
     """The exit status and the words of one of the repository's scripts."""
     command = [options.python, str(ROOT / script), *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    # A user folder of its own each time: no policy that an earlier task left is played.
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "BLENDER_USER_RESOURCES": folder}
+        done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=False)
     return done.returncode, done.stdout + done.stderr
 
 
