@@ -30,13 +30,17 @@ def optimized(bench_scene, starter):
 
 def test_the_prior_says_that_it_belongs_to_no_scene(bench_scene, starter):
     origin = Policy.prior().origin
-    assert origin["scene"] == "" and origin["generalized"] and origin["updates"] > 0 and not origin["cues"]
+    assert origin["scene"] == ""
+    assert origin["generalized"]
+    assert origin["updates"] > 0
+    assert not origin["cues"]
     assert not Policy.prior().belongs_to(bench_scene, starter.checksum)
 
 
 def test_a_policy_is_optimized_kept_and_read(bench_scene, starter, optimized, tmp_path):
     policy, curve = optimized
-    assert [point["update"] for point in curve] == [0, 1] and all(point["success_rate"] is None for point in curve)
+    assert [point["update"] for point in curve] == [0, 1]
+    assert all(point["success_rate"] is None for point in curve)
     assert policy.belongs_to(bench_scene, starter.checksum)
     path = tmp_path / "a.oncuepolicy"
     policy.write(path)
@@ -55,7 +59,8 @@ def test_robustness_counts_starts(bench_scene, starter, bench_task):
         bench_scene, starter, Policy.prior(), bench_task, None, {"spacing": 1.0, "trials": 2, "needed": 1}
     ).result()
     met = [start["met"] for start in figures["starts"]]
-    assert len(met) > 3 and all(0 <= m <= 2 for m in met)
+    assert len(met) > 3
+    assert all(0 <= m <= 2 for m in met)
     assert figures["ratio"] == pytest.approx(sum(m >= 1 for m in met) / len(met))
     paper = oncue_core.default_settings("paper")
     with pytest.raises(InputError, match="other settings"):
@@ -78,11 +83,13 @@ def test_the_cache_finds_only_what_belongs_and_stays_small(cache_class, bench_sc
     policy, _ = optimized
     folder = tmp_path / "policies"
     cache = cache_class(folder, 10_000_000)
-    assert cache.find(bench_scene, starter) is None and cache.entries() == []
+    assert cache.find(bench_scene, starter) is None
+    assert cache.entries() == []
     assert cache.keep(bench_scene, starter, policy)
     assert cache.find(bench_scene, starter).origin == policy.origin
     (entry,) = cache.entries()
-    assert "Stop" in entry.describe() and entry.bytes > 10_000
+    assert "Stop" in entry.describe()
+    assert entry.bytes > 10_000
     # Another scene has none, and a file that was copied to its place is not taken for its own.
     positions, triangles, _ = oncue_core.practice_room(1)
     other = oncue_core.index_scene(positions, triangles).result()
@@ -94,19 +101,22 @@ def test_the_cache_finds_only_what_belongs_and_stays_small(cache_class, bench_sc
     path = cache._path(bench_scene, starter)
     path.write_bytes(b"no policy")
     assert "damaged" in next(e for e in cache.entries() if e.path == path).describe()
-    assert cache.find(bench_scene, starter) is None and not path.exists()
+    assert cache.find(bench_scene, starter) is None
+    assert not path.exists()
     # The oldest goes first, the newest stays whatever the limit.
     small = cache_class(folder, 1)
     os.utime(cache._path(other, starter), (1, 1))
     small.keep(bench_scene, starter, policy)
     assert [e.path for e in small.entries()] == [path]
-    assert small.clear() == 1 and small.entries() == []
+    assert small.clear() == 1
+    assert small.entries() == []
 
 
 def test_a_folder_that_cannot_be_written_keeps_nothing(cache_class, bench_scene, starter, optimized, tmp_path):
     (tmp_path / "file").write_text("in the way")
     cache = cache_class(tmp_path / "file" / "policies", 1_000_000)
     assert not cache.keep(bench_scene, starter, optimized[0])
-    assert cache.entries() == [] and cache.clear() == 0
+    assert cache.entries() == []
+    assert cache.clear() == 0
     with pytest.raises(OSError, match="file"):
         optimized[0].write(tmp_path / "file" / "x.oncuepolicy")

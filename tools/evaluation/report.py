@@ -84,7 +84,7 @@ def tasks_section(rows: list[Row], out: Path) -> str:
     return "\n\n".join(
         [
             "## Every task of the rooms, in a scene never seen",
-            "Seconds are those of the synthesis with the library in memory; indexing the scene adds 0.02–0.5 s. "
+            "Seconds are those of the synthesis with the library in memory; indexing the scene adds 0.02 to 0.5 s. "
             "The paper optimizes each policy for 379 s on an RTX 3090.",
             table(header, summary),
             "![Seconds](pictures/evaluation-tasks.png)",
@@ -146,7 +146,7 @@ def ablations_section(rows: list[Row], out: Path) -> str:
         met = f"{sum(row['success'] for row in played)} of {len(played)}"
         names = ("penetration", "whole_body", "contact_cm", "skate_cm")
         bars[variant] = mean(played, "penetration")
-        paper = PAPER_ABLATION.get(variant, "–")
+        paper = PAPER_ABLATION.get(variant, "")
         lines.append((variant, met, *(mean(played, n) for n in names), max(r["joint_ratio"] for r in played), paper))
     figure, axes = plt.subplots(figsize=(7, 2.6), layout="constrained")
     places = np.arange(len(bars))
@@ -191,9 +191,9 @@ def robustness_section(rows: list[Row], out: Path) -> str:
         [
             "## Robustness (section 4.4, Tables 2 and 3)",
             "Percent of all valid starts on a grid over the floor from which the policy alone, without optimization, "
-            "meets the cue: 5 trials each facing anywhere, 2 needed. *original* was optimized for one start and the first "
-            "cue, *generalized* from the prior with random starts and the cues shown; *prior* is what ships, and has seen "
-            "none of these rooms.",
+            "meets the cue: 5 trials each facing anywhere, 2 needed. *original* was optimized for one start and the "
+            "first cue, *generalized* from the prior with random starts and the cues shown; *prior* is what ships, and "
+            "has seen none of these rooms.",
             table(("policy", "room", "cue 1", "cue 2", "cue 3", "cue 4"), lines),
             "![Starts](pictures/evaluation-robustness.png)",
             "Unseen scenes:",

@@ -217,6 +217,8 @@ class PolicyOrigin(TypedDict):
     scene: str
     library: str
     cues: list[ActionCue]
+    #: Fingerprint of the request it was last optimized for.
+    request: str
     generalized: bool
     updates: int
     environment_steps: int

@@ -99,6 +99,7 @@ pub fn optimize_policy(
                 scene: scene.fingerprint().to_owned(),
                 library: database.library_checksum.clone(),
                 cues: tasks.iter().map(|task| task.cue.clone()).collect(),
+                request: String::new(),
                 generalized,
                 updates: before.updates + optimized.curve.len(),
                 environment_steps: before.environment_steps + optimized.environment_steps,

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use crate::controller::optimize::UpdateFigures;
-use crate::controller::{Environment, EpisodeEnd, KeptMotion, KeptPolicy, keep_motion, optimize_policy};
+use crate::controller::{
+    Environment, EpisodeEnd, KeptMotion, KeptPolicy, keep_motion, optimize_policy, request_of,
+};
 use crate::cue::{ActionType, Task};
 use crate::editor::{check_manipulations, edit_for_task};
 use crate::error::Result;
@@ -29,7 +31,8 @@ pub struct Synthesis {
 ///
 /// `kept` is a policy of the same scene and library. Where the shipped prior, or else `kept`, serves the task, its
 /// motion is taken at once; where neither does, `kept` (or the prior) is fine-tuned (section 3.5). The prior comes
-/// first so that a motion depends on what was kept only where the prior fails. Settings may have every policy begin
+/// first so that a motion depends on what was kept only where the prior fails, and the same request again begins as it did
+/// the first time. Settings may have every policy begin
 /// from scratch. The same seed, settings and policy give the same motion on any number of threads.
 ///
 /// # Errors
@@ -50,7 +53,8 @@ pub fn synthesize(
     let environment = Environment::new(scene, database, task, settings);
     laps.done("check");
 
-    let there = policies_there(kept, settings);
+    let request = request_of(task, settings, seed);
+    let there = policies_there(kept.filter(|k| k.origin.request != request), settings);
     let Found { mut kept, policy, source, learning } =
         find_motion(&environment, &there, seed, progress, &mut laps)?;
 
@@ -174,6 +178,7 @@ fn find_motion(
     let kept = keep_motion(environment, &optimized.policy, seed, progress)?;
     laps.done("keep");
     let mut origin = origin_from(start);
+    origin.request = request_of(task, settings, seed);
     origin.updates += optimized.curve.len();
     origin.environment_steps += optimized.environment_steps;
     origin.success_rate = kept.succeeded as f32 / kept.rollouts.max(1) as f32;

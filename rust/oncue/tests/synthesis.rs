@@ -156,6 +156,9 @@ fn a_kept_policy_plays_a_moved_task_without_optimizing() {
     assert!(second.report.success, "{:?}", second.report.problems);
     assert_eq!(second.policy.policy, first.policy.policy);
     assert_eq!(second.policy.origin.cues, [task(ActionType::Sit).cue, moved.cue]);
+    // The same request again begins as it did the first time, whatever was kept since.
+    let again = run_from(&task(ActionType::Sit), 3, Some(&first.policy));
+    assert_eq!((again.report.policy_source, again.motion), (PolicySource::Scratch, first.motion.clone()));
     // A policy of other settings is not played.
     let other = KeptPolicy { state: Settings::preset("paper").expect("a preset").state, ..first.policy };
     assert_eq!(run_from(&task(ActionType::Sit), 3, Some(&other)).report.policy_source, PolicySource::Scratch);

@@ -20,5 +20,5 @@ pub use episode::{Environment, EpisodeEnd};
 pub use kept::{KeptMotion, keep_motion};
 pub use optimize::{OptimizedPolicy, optimize_policy};
 pub use policy::Policy;
-pub use policy_file::{KeptPolicy, PolicyOrigin};
+pub use policy_file::{KeptPolicy, PolicyOrigin, request_of};
 pub use robustness::{Robustness, RobustnessSettings, robustness};

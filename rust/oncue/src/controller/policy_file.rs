@@ -7,7 +7,7 @@ use half::f16;
 use serde::{Deserialize, Serialize};
 
 use super::policy::{Normalizer, Policy};
-use crate::cue::ActionCue;
+use crate::cue::{ActionCue, Task};
 use crate::data_file::{FileKind, write_whole};
 use crate::error::Result;
 use crate::nn::Mlp;
@@ -29,6 +29,8 @@ pub struct PolicyOrigin {
     pub library: String,
     /// The cues that it served, newest last.
     pub cues: Vec<ActionCue>,
+    /// What was asked for when it was last optimized ([`request_of`]): the same again begins as it did then.
+    pub request: String,
     /// Starts and cues varied from episode to episode (LAMA, section 3.5).
     pub generalized: bool,
     /// Updates and decisions that went into it, those of the policy it began with included.
@@ -75,6 +77,13 @@ impl StoredMlp {
         let parameters = self.parameters.iter().map(|p| f16::from_bits(*p).to_f32()).collect();
         Mlp { sizes: self.sizes.clone(), parameters }
     }
+}
+
+/// A fingerprint of a request, hexadecimal.
+pub fn request_of(task: &Task, settings: &Settings, seed: u64) -> String {
+    // Numbers, names and lists always serialize.
+    let bytes = serde_json::to_vec(&(task, settings, seed)).unwrap_or_default();
+    blake3::hash(&bytes).to_hex().to_string()
 }
 
 impl KeptPolicy {

@@ -924,7 +924,7 @@ mod tests {
         assert!(other.to_string().contains("another library, seed or settings"), "{other}");
         std::fs::write(&path, b"not much").unwrap();
         let foreign = train_manifold(&library, &settings, 3, Some(&path), &progress).unwrap_err();
-        assert!(foreign.to_string().contains("is not the checkpoint"), "{foreign}");
+        assert!(foreign.to_string().contains("is not an Oncue checkpoint"), "{foreign}");
         std::fs::remove_file(&path).unwrap();
     }
 
