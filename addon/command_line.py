@@ -15,7 +15,6 @@ from . import native
 from .bridge import session
 from .bridge.policies import policy_cache
 from .errors import SceneError
-from .job_operator import sentence
 from .pipeline import LibraryCache, Progress, run_blocking, synthesis_steps
 
 #: Exit statuses: done; no result; written, but a cue was not met.
@@ -55,9 +54,9 @@ def main(arguments: list[str]) -> int:
             open_file(options.blend)
         return synthesize(options)
     except native.expected_errors() as error:
-        print(f"Oncue: {sentence(error)}", file=sys.stderr, flush=True)
+        print(f"Oncue: {native.sentence(error)}", file=sys.stderr, flush=True)
         if report:
-            write_failure(options, sentence(error))
+            write_failure(options, native.sentence(error))
         return FAILED
     except KeyboardInterrupt:
         print("Oncue: Cancelled.", file=sys.stderr, flush=True)
@@ -143,7 +142,7 @@ def write_failure(options: argparse.Namespace, why: str) -> None:
     try:
         write_json(options.report, {"success": False, "problems": [why], "seed": options.seed})
     except OSError as error:
-        print(f"Oncue: {sentence(error)}", file=sys.stderr, flush=True)
+        print(f"Oncue: {native.sentence(error)}", file=sys.stderr, flush=True)
 
 
 def write_json(path: Path, report: dict) -> None:

@@ -4,3 +4,7 @@
 
 class SceneError(Exception):
     """Something in the scene, the cues or the chosen files keeps the run from starting."""
+
+
+class FollowingEnded(Exception):
+    """The cues cannot be followed any further; the message says why."""

@@ -110,7 +110,7 @@ class JobOperator:
         self._scene, self._run = context.scene.name, run
         handle.start(context, self.title, run)
         context.window_manager.modal_handler_add(self)
-        _redraw(context)
+        redraw_sidebars(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -118,11 +118,11 @@ class JobOperator:
             handle.stop(CANCELLED)
         run = self._run
         if run is not handle.run:  # ended here, or from elsewhere
-            _redraw(context)
+            redraw_sidebars(context)
             self.report({"INFO"}, handle.message or CANCELLED)
             return {"CANCELLED"}
         if event.type == "TIMER":
-            _redraw(context)
+            redraw_sidebars(context)
             if run.poll():
                 return self._end(context, run)
         return {"PASS_THROUGH"}
@@ -143,21 +143,14 @@ class JobOperator:
         except native.expected_errors() as error:
             return self._refused(error)
         finally:
-            _redraw(context)
+            redraw_sidebars(context)
         return {"FINISHED"}
 
     def _refused(self, error: BaseException) -> set[str]:
         handle.failed = not native.is_cancelled(error)
-        handle.message = sentence(error) if handle.failed else CANCELLED
+        handle.message = native.sentence(error) if handle.failed else CANCELLED
         self.report({"ERROR" if handle.failed else "INFO"}, handle.message)
         return {"CANCELLED"}
-
-
-def sentence(error: BaseException) -> str:
-    """What an expected error says to the artist."""
-    if isinstance(error, OSError) and error.filename:
-        return f"{error.filename}: {error.strerror or error}."
-    return str(error)
 
 
 class ONCUE_OT_cancel(bpy.types.Operator):
@@ -176,7 +169,7 @@ class ONCUE_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def _redraw(context: bpy.types.Context) -> None:
+def redraw_sidebars(context: bpy.types.Context) -> None:
     """The sidebars only: the view itself has nothing new to show."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:

@@ -26,6 +26,13 @@ def expected_errors() -> tuple[type[BaseException], ...]:
     return (SceneError, OSError, core.OncueError) if core else (SceneError, OSError)
 
 
+def sentence(error: BaseException) -> str:
+    """What an expected error says to the artist."""
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {error.strerror or error}."
+    return str(error)
+
+
 def is_cancelled(error: BaseException) -> bool:
     return core is not None and isinstance(error, core.Cancelled)
 

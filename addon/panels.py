@@ -14,6 +14,7 @@ from .bridge.cue_reader import ENDS, HANDS, visible_cues
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
 from .bridge.pins import read_pins
 from .job_operator import handle
+from .operators.follow import following
 
 CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
 #: Pixels that a character of the interface's font is wide, on average.
@@ -115,6 +116,7 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
         row = layout.row()
         row.scale_y = 1.6
         row.operator("oncue.synthesize", icon="ARMATURE_DATA")
+        _draw_following(context, layout)
         if handle.message:
             write_lines(context, layout.box(), handle.message, "ERROR" if handle.failed else "INFO")
             if "Set Scene Scale" in handle.message:
@@ -218,6 +220,26 @@ def _draw_progress(layout: bpy.types.UILayout) -> None:
     left = f", about {progress.remaining_s:.0f} s left" if progress.remaining_s is not None else ""
     column.label(text=f"{progress.elapsed_s:.0f} s{left}", icon="TIME")
     layout.operator("oncue.cancel", text="Cancel (Esc)", icon="CANCEL")
+
+
+def _draw_following(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    layout.operator("oncue.follow_cues", icon="CON_FOLLOWPATH", depress=following.on)
+    line, icon = following_line()
+    if line:
+        write_lines(context, layout, line, icon)
+
+
+def following_line() -> tuple[str, str]:
+    """What is said of the following, and its icon; nothing where there is nothing to say."""
+    follower = following.follower
+    if follower is None:
+        return following.message, "INFO"
+    if follower.line:
+        return follower.line, "ERROR"
+    if follower.rested:
+        return "Met", "CHECKMARK"
+    followed = f", {1000 * follower.delay:.0f} ms after the cue" if follower.delay is not None else ""
+    return f"Drag a cue: the motion follows{followed}", "INFO"
 
 
 def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:

@@ -99,11 +99,11 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     with _timed(seconds, "library"):
         library, skipped = yield from library_steps(request.library, cache)
     with _timed(seconds, "scene_index"):
-        scene = yield from _finish(core.index_scene(request.positions, request.triangles))
+        scene = yield from finish(core.index_scene(request.positions, request.triangles))
     with _timed(seconds, "synthesis"):
         settings = merged(core.default_settings(request.preset), request.overrides)
         kept = policies.find(scene, library) if policies else None
-        synthesis = yield from _finish(core.synthesize(scene, library, request.task, settings, request.seed, kept))
+        synthesis = yield from finish(core.synthesize(scene, library, request.task, settings, request.seed, kept))
     if policies and synthesis.report["updates"] and synthesis.report["success"]:
         policies.keep(scene, library, synthesis.policy)
     return Outcome(synthesis, seconds, skipped)
@@ -113,9 +113,9 @@ def edit_steps(request: EditRequest) -> Steps:
     """Solves an artist's edit; gives the core's edited motion."""
     core, scene = native.require(), None
     if request.positions is not None:
-        scene = yield from _finish(core.index_scene(request.positions, request.triangles))
+        scene = yield from finish(core.index_scene(request.positions, request.triangles))
     settings = merged(core.default_settings(request.preset), request.overrides)
-    edited = yield from _finish(
+    edited = yield from finish(
         core.edit_motion(
             request.motion.root_positions,
             request.motion.rotations,
@@ -154,7 +154,7 @@ def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps:
             if not choice.paths and choice.starter == "none":
                 raise SceneError("The motion library is empty: add mocap files, or let the starter library in.")
             starter = choice.starter if mocap else "all"
-            library, skipped = yield from _finish(core.build_library(mocap, {"starter": starter}))
+            library, skipped = yield from finish(core.build_library(mocap, {"starter": starter}))
         for path in finished:
             read = core.Library.read(path)
             library = read if library is None else library.merged(read)
@@ -163,7 +163,8 @@ def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps:
     return built
 
 
-def _finish(job) -> Steps:
+def finish(job) -> Steps:
+    """The result of a job of the core, once it is done."""
     while not job.done():
         yield job
     return job.result()

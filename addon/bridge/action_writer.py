@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 
 from .. import quaternions
+from ..errors import SceneError
 from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
@@ -76,27 +77,59 @@ def write_action(
 
     Earlier actions stay in the file: each keeps a fake user.
     """
-    scene = context.scene
-    sampled = resample(motion, scene.render.fps / scene.render.fps_base)
-    context.view_layer.update()
-    locations, rotations = BoneSpace(character, names, metres_per_unit).channels(sampled)
-    frames = start_frame + np.arange(len(locations), dtype=np.float32)
-
+    frames, channels = _sampled(context, character, names, motion, start_frame, metres_per_unit)
     _keep_previous(character)
     action = bpy.data.actions.new(name)
     action.use_fake_user = True
     curves = compat.CurveSet(action, character)
-    for axis in range(3):
-        _write_curve(curves, names[0], LOCATION, axis, frames, locations[:, axis])
-    for joint, bone in enumerate(names):
-        for axis in range(4):
-            _write_curve(curves, bone, ROTATION, axis, frames, rotations[:, joint, axis])
+    for (bone, channel, axis), values in channels:
+        _write_curve(curves.new(data_path(bone, channel), axis, bone), frames, values)
     if report is not None:
         action[REPORT_KEY] = json.dumps(report)
     compat.assign_action(character, action, curves)
-    scene.frame_start = min(scene.frame_start, start_frame)
-    scene.frame_end = max(scene.frame_end, int(frames[-1])) if len(frames) else scene.frame_end
+    _show_frames(context.scene, frames)
     return action
+
+
+def rewrite_action(
+    context: bpy.types.Context,
+    character: bpy.types.Object,
+    action: bpy.types.Action,
+    names: list[str],
+    motion: Motion,
+    *,
+    start_frame: int,
+    metres_per_unit: float = 1.0,
+) -> None:
+    """Writes `motion` over the keys of an action that `write_action` has made. Raises SceneError for another one."""
+    frames, channels = _sampled(context, character, names, motion, start_frame, metres_per_unit)
+    curves = {(curve.data_path, curve.array_index): curve for curve in compat.action_curves(action)}
+    there = [(curves.get((data_path(bone, channel), axis)), values) for (bone, channel, axis), values in channels]
+    if any(curve is None for curve, _ in there):
+        raise SceneError(f"{action.name} lacks channels of the character: synthesize the motion again.")
+    for curve, values in there:
+        if len(curve.keyframe_points) != len(frames):
+            curve.keyframe_points.clear()
+        _write_curve(curve, frames, values)
+    _show_frames(context.scene, frames)
+
+
+def _sampled(context, character, names: list[str], motion: Motion, start_frame: int, metres_per_unit: float):
+    """The frames of the scene that a motion takes, and ((bone, channel, axis), values) of each of its curves."""
+    sampled = resample(motion, context.scene.render.fps / context.scene.render.fps_base)
+    context.view_layer.update()
+    locations, rotations = BoneSpace(character, names, metres_per_unit).channels(sampled)
+    frames = start_frame + np.arange(len(locations), dtype=np.float32)
+    channels = [((names[0], LOCATION, axis), locations[:, axis]) for axis in range(3)]
+    for joint, bone in enumerate(names):
+        channels += [((bone, ROTATION, axis), rotations[:, joint, axis]) for axis in range(4)]
+    return frames, channels
+
+
+def _show_frames(scene: bpy.types.Scene, frames: np.ndarray) -> None:
+    if len(frames):
+        scene.frame_start = min(scene.frame_start, int(frames[0]))
+        scene.frame_end = max(scene.frame_end, int(frames[-1]))
 
 
 def data_path(bone: str, channel: str) -> str:
@@ -109,10 +142,10 @@ def _keep_previous(character: bpy.types.Object) -> None:
         data.action.use_fake_user = True
 
 
-def _write_curve(curves: compat.CurveSet, bone: str, channel: str, axis: int, frames, values) -> None:
-    curve = curves.new(data_path(bone, channel), axis, bone)
+def _write_curve(curve: bpy.types.FCurve, frames: np.ndarray, values: np.ndarray) -> None:
+    """The keys of a curve, which has as many already or none."""
     points = curve.keyframe_points
-    points.add(len(frames))
+    points.add(len(frames) - len(points))
     coordinates = np.empty((len(frames), 2), dtype=np.float32)
     coordinates[:, 0], coordinates[:, 1] = frames, values
     points.foreach_set("co", coordinates.ravel())

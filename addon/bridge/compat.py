@@ -54,6 +54,15 @@ def assign_action(owner: bpy.types.Object, action: bpy.types.Action, curves: Cur
         data.action_slot = curves.slot
 
 
+def replace_action(owner: bpy.types.Object, action: bpy.types.Action) -> None:
+    """Makes `action`, which has the slots of the one that moves `owner`, take its place."""
+    data = owner.animation_data
+    slot = data.action_slot.identifier if SLOTTED_ACTIONS and data.action_slot else None
+    data.action = action
+    if SLOTTED_ACTIONS:
+        data.action_slot = next((s for s in action.slots if s.identifier == slot), action.slots[0])
+
+
 def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
     """Every F-curve of an action, whichever slot it belongs to."""
     if not SLOTTED_ACTIONS:

@@ -17,6 +17,8 @@ EXCLUDE_KEY = "oncue_exclude"
 REPORT_KEY = "oncue_report"
 #: On an action: the motion as the core gave it last, and what is pinned.
 SOLVED_KEY, PINS_KEY = "oncue_solved", "oncue_pins"
+#: On an action: that it was made by following the cues, and by which following.
+LIVE_KEY = "oncue_live"
 
 COLLECTION_NAME = "Oncue"
 

@@ -7,6 +7,7 @@ The button, `batch.py` and scripts all come through here, so that one seed gives
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -37,12 +38,15 @@ def library_choice(scene: bpy.types.Scene) -> LibraryChoice:
     return LibraryChoice(tuple(paths), scene.oncue.starter.lower())
 
 
-def read_request(context: bpy.types.Context) -> tuple[Request, list[tuple[str, str]]]:
-    """All that the run needs, and (object, reason) of the meshes left out. Raises SceneError; changes nothing."""
+def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Request, list[tuple[str, str]]]:
+    """All that the run needs, and (object, reason) of the meshes left out. Raises SceneError; changes nothing.
+
+    Without `hands` the hand cues, for which it goes through the frames, are left out.
+    """
     native.require()
     settings = context.scene.oncue
     task = read_task(context, settings.scene_scale)
-    manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale)
+    manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale) if hands else []
     if manipulations:
         task["manipulations"] = manipulations
     library = library_choice(context.scene)
@@ -55,6 +59,13 @@ def read_request(context: bpy.types.Context) -> tuple[Request, list[tuple[str, s
     overrides = read_overrides(settings.overrides)
     request = Request(meshes.positions, meshes.triangles, task, library, settings.preset, settings.seed, overrides)
     return request, meshes.skipped
+
+
+def with_cues(context: bpy.types.Context, request: Request) -> Request:
+    """A request with the cues and settings as they are now, hands aside, and its scene as it was. Raises SceneError."""
+    settings = context.scene.oncue
+    task, overrides = read_task(context, settings.scene_scale), read_overrides(settings.overrides)
+    return replace(request, task=task, preset=settings.preset, seed=settings.seed, overrides=overrides)
 
 
 def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
@@ -134,7 +145,7 @@ def write_outcome(
         name=f"{request.task['cue']['name']} seed {request.seed}",
         start_frame=settings.start_frame,
         metres_per_unit=settings.scene_scale,
-        report=_report(request, outcome, skipped),
+        report=full_report(request, outcome, skipped),
     )
     solved = solved_take(
         scene,
@@ -149,7 +160,7 @@ def write_outcome(
     return action
 
 
-def _report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) -> dict:
+def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) -> dict:
     """The core's report with what only Blender's side knows."""
     return {
         **outcome.synthesis.report,

@@ -69,6 +69,20 @@ class Desktop:
 
     def button(self) -> tuple[int, int]:
         """The middle of the tallest button, which is Synthesize."""
+        return self._middle(max(self._buttons(), key=len))
+
+    def follow_button(self) -> tuple[int, int]:
+        """The middle of the one below it, which is Follow Cues."""
+        buttons = self._buttons()
+        return self._middle(buttons[buttons.index(max(buttons, key=len)) + 1])
+
+    @staticmethod
+    def _middle(button: list[tuple[int, int, int]]) -> tuple[int, int]:
+        y, first, last = button[len(button) // 2]
+        return (first + last) // 2, y
+
+    def _buttons(self) -> list[list[tuple[int, int, int]]]:
+        """The sidebar's buttons from above, each as its rows (y, first x, last x)."""
         self.do("import", "-window", "root", "-depth", "8", "rgb:/tmp/oncue-window/screen.rgb")
         pixels = (self.root / "tmp/oncue-window/screen.rgb").read_bytes()
         rows: list[tuple[int, int, int]] = []
@@ -88,9 +102,7 @@ class Desktop:
             else:
                 blocks.append([row])
         assert blocks, "no button of the theme's colour is on the screen"
-        tallest = max(blocks, key=len)
-        middle = tallest[len(tallest) // 2]
-        return (middle[1] + middle[2]) // 2, middle[0]
+        return blocks
 
     def click(self, x: int, y: int) -> None:
         # Blender looks at where the mouse was before: it must come from somewhere.
@@ -305,6 +317,73 @@ def test_disabling_the_extension_stops_the_run(desktop):
     enabled = desktop.until("the enabling", lambda s: s["enabled"], timeout=30, since=pressed)
     assert enabled["actions"]
     assert not enabled["at_work"]
+
+
+def follow(desktop) -> dict:
+    """Presses Follow Cues with the start cue selected; the state then."""
+    select = "[o.select_set(o.name=='Start') for o in C.view_layer.objects]"
+    desktop.write(f"C.scene.oncue.overrides=''; {select}")
+    time.sleep(1)
+    pressed = time.time()
+    desktop.click(*desktop.follow_button())
+    return desktop.until("the following", lambda s: s["following"], timeout=30, since=pressed)
+
+
+def drag(desktop, pixels: int) -> float:
+    """Drags the selection over the floor, without letting go of it; when it began."""
+    began = desktop.key("g")
+    desktop.do("xdotool", "key", "shift+z")
+    for step in range(1, 11):
+        x = WIDTH // 3 + pixels * step // 10
+        desktop.do("xdotool", "mousemove", str(x), str(HEIGHT // 2), "sleep", "0.25")
+    return began
+
+
+def test_the_motion_follows_a_cue_that_is_dragged(desktop):
+    before = follow(desktop)
+    assert before["keys"], "the button's run comes first"
+    began = drag(desktop, 90)
+    # Blender's own operator has the mouse, and the keys change all the same.
+    dragging = [s for s in desktop.states() if s["time"] > began and s["dragged"]]
+    assert len({tuple(s["start"]) for s in dragging}) > 3
+    assert len({s["keys"] for s in dragging} - {before["keys"]}) > 3
+    assert dragging[-1]["actions"] == before["actions"]
+    desktop.screenshot("window-following")
+    let_go = time.time()
+    desktop.do("xdotool", "click", "1")
+    rested = desktop.until("the rest", lambda s: s["following"] and s["said"][0] == "Met", since=let_go)
+    assert rested["keys"] not in {s["keys"] for s in dragging}
+    time.sleep(1)
+    desktop.screenshot("window-followed")
+    times = [s["said"][0] for s in dragging if " ms " in s["said"][0]]
+    print(f"{len({s['keys'] for s in dragging})} motions in one drag; {times[-1]}")
+
+    # The drag is one undo step, which ends the following.
+    pressed = desktop.key("ctrl+z")
+    undone = desktop.until("the undo", lambda s: not s["following"], timeout=20, since=pressed)
+    assert undone["start"] == before["start"]
+    assert "undo" in undone["said"][0]
+    assert undone["actions"] == before["actions"]
+
+
+def test_a_drag_that_is_called_off_is_followed_back(desktop):
+    before = follow(desktop)
+    began = drag(desktop, 60)
+    assert len({s["keys"] for s in desktop.states() if s["time"] > began and s["dragged"]}) > 3
+    escaped = time.time()
+    desktop.do("xdotool", "key", "Escape")
+    back = desktop.until("the end", lambda s: not s["dragged"] and s["said"][0] == "Met", since=escaped)
+    assert back["start"] == before["start"]
+    assert back["following"]
+    # Nothing of it was an undo step: the step before is Follow Cues itself.
+    pressed = desktop.key("ctrl+z")
+    undone = desktop.until("the undo", lambda s: not s["following"], timeout=20, since=pressed)
+    assert len(undone["actions"]) <= len(before["actions"])
+    # The program still stands, and plays.
+    desktop.key("shift+Right")
+    time.sleep(2)
+    desktop.until("a frame", lambda s: s["frame"] > 1, timeout=20, since=pressed)
+    desktop.key("shift+Left")
 
 
 def test_cues_and_pins_of_every_kind_are_drawn(desktop):

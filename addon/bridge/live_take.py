@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The live take: the one action that is written over and over while the cues are followed.
+
+It is made, and the character plays it, when the following begins, within an operator's undo step. Later only its keys
+change, so that no step of the undo history is without it.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+
+import bpy
+import numpy as np
+
+from .. import native
+from ..errors import FollowingEnded, SceneError
+from ..motion import Motion
+from ..pipeline import Outcome, Request
+from . import compat
+from .action_writer import rewrite_action
+from .names import LIVE_KEY, PINS_KEY, REPORT_KEY, SOLVED_KEY
+from .session import current_action, full_report, report_of
+from .take import Solved, Take, keep_solved, solved_take
+
+
+class LiveTake:
+    """A copy of the take that the character plays; all other takes stay as they are."""
+
+    def __init__(self, context: bpy.types.Context) -> None:
+        """Raises SceneError where the character plays no take of Oncue's."""
+        scene = context.scene
+        played = current_action(scene)
+        report = report_of(played)
+        if report is None:
+            raise SceneError("There is no motion to begin with: press Synthesize first.")
+        # What an earlier following left, and nobody has changed, is gone on with.
+        action = played if LIVE_KEY in played and _is_untouched(scene, played) else _copy(scene, played, report)
+        self._token = action[LIVE_KEY] = secrets.token_hex(8)
+        self._keys = _coordinates(action)
+        #: What was written last and is not yet kept for Re-solve.
+        self._solved: Solved | None = None
+
+    def shows(self, task: dict) -> bool:
+        """Whether the motion in it was made for this task, hands aside."""
+        made_for = dict((report_of(self._action()) or {}).get("task", {}))
+        made_for.pop("manipulations", None)
+        return made_for == task
+
+    def write(
+        self,
+        context: bpy.types.Context,
+        request: Request,
+        outcome: Outcome,
+        skipped: list[tuple[str, str]],
+        at_rest: bool,
+    ) -> None:
+        """Writes a motion in place of the one before. Raises FollowingEnded where that is the artist's by now."""
+        scene, settings, synthesis = context.scene, context.scene.oncue, outcome.synthesis
+        action, character = self._action(), settings.character
+        if action is None:
+            raise FollowingEnded("The live take was deleted.")
+        if character is None or character.name not in scene.objects or character.animation_data is None:
+            raise FollowingEnded("The character is gone.")
+        if _coordinates(action) != self._keys:
+            raise FollowingEnded(f"The keys of {action.name} were changed: it is a take of your own now.")
+        names = list(native.require().skeleton()["names"])
+        motion = Motion(
+            np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate)
+        )
+        placed = {"start_frame": settings.start_frame, "metres_per_unit": settings.scene_scale}
+        rewrite_action(context, character, action, names, motion, **placed)
+        if character.animation_data.action != action:  # a full run came between
+            _play(character, action)
+        action[REPORT_KEY] = json.dumps(full_report(request, outcome, skipped))
+        action.pop(SOLVED_KEY, None)
+        self._keys = _coordinates(action)
+        self._solved = solved_take(scene, character, names, motion, np.asarray(synthesis.contacts), **placed)
+        if at_rest:
+            self.keep()
+
+    def keep(self) -> None:
+        """Keeps on the take what Re-solve asks for; packing it takes too long while a cue is dragged."""
+        action = self._action()
+        if action is not None and self._solved is not None:
+            keep_solved(action, self._solved)
+        self._solved = None
+
+    def _action(self) -> bpy.types.Action | None:
+        return next((action for action in bpy.data.actions if action.get(LIVE_KEY) == self._token), None)
+
+
+def _copy(scene: bpy.types.Scene, played: bpy.types.Action, report: dict) -> bpy.types.Action:
+    action = played.copy()
+    action.name = f"{report.get('task', {}).get('cue', {}).get('name', 'Cue')} live"
+    action.pop(PINS_KEY, None)
+    action.use_fake_user = True
+    _play(scene.oncue.character, action)
+    return action
+
+
+def _play(character: bpy.types.Object, action: bpy.types.Action) -> None:
+    character.animation_data.action.use_fake_user = True
+    compat.replace_action(character, action)
+
+
+def _is_untouched(scene: bpy.types.Scene, action: bpy.types.Action) -> bool:
+    try:
+        take = Take(scene, scene.oncue.character, action, native.require().skeleton())
+    except SceneError:
+        return False
+    return not take.artist_keys() and not take.pins
+
+
+def _coordinates(action: bpy.types.Action) -> list[tuple[str, int, bytes]]:
+    """Every key of an action, bit for bit."""
+    found = []
+    for curve in compat.action_curves(action):
+        coordinates = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
+        curve.keyframe_points.foreach_get("co", coordinates)
+        found.append((curve.data_path, curve.array_index, coordinates.tobytes()))
+    return found
