@@ -35,7 +35,7 @@ CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6"]
 #: A crash or a hang in Blender's exit must not hold the run.
 BLENDER_TESTS = ["pytest==9.2.0", "pytest-timeout==2.4.0"]
 #: What the benches run beside us; the product never sees it.
-PEERS = ["torch==2.15.0", "numpy==2.4.6"]
+PEERS = ["torch==2.15.0", "numpy==2.4.6", "scipy==1.17.1", "embreex==4.4.0.post1"]
 
 
 class Blender(NamedTuple):
@@ -350,7 +350,7 @@ def manifold(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Search, collision, environment steps, updates and latent steps, each beside a plain reference or PyTorch."""
-    torch = environment(session, "peers", PEERS)
+    """Search, collision, environment steps, updates and latent steps, each beside what else there is (tools/peers)."""
+    peers = environment(session, "peers", PEERS)
     command = ["cargo", "bench", "--locked", "--workspace", "--bench", "*", *session.posargs]
-    session.run(*command, external=True, env={"ONCUE_TORCH": str(torch)})
+    session.run(*command, external=True, env={"ONCUE_PEERS": str(peers)})

@@ -1,37 +1,31 @@
-"""The 500 latent steps of benches/editor.rs in PyTorch, on the CPU, through the same decoder.
+"""The latent steps of benches/editor.rs in PyTorch, on the CPU, through the same decoder.
 
-`python torch_decoder.py FOLDER --channels N --steps N`, the folder holding the decoder's layers, a z and its X as raw
-float32, as the bench writes them. The output is compared before anything is timed. The loss is a plain sum of squares
-on X: our time has forward kinematics in it, this one has none.
+The output is compared before anything is timed. The loss is a plain sum of squares on X: our time has forward
+kinematics in it, this one has none.
 """
 
-import argparse
 import itertools
-import time
-from pathlib import Path
 
 import numpy as np
 import torch
 from torch.nn import functional
+from work import Work, seconds, table
 
 KERNEL, FEATURES, WINDOW, LATENT_FRAMES = 25, 138, 120, 15
 LEAK, KNEE = 0.2, 2.0
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--channels", type=int, required=True)
-    parser.add_argument("--steps", type=int, required=True)
-    options = parser.parse_args()
+    work = Work(__doc__)
+    channels, steps = work.facts["channels"], work.facts["steps"]
 
     def read(name: str) -> torch.Tensor:
-        return torch.from_numpy(np.fromfile(options.folder / name, np.float32))
+        return torch.from_numpy(np.array(work.floats(name)))
 
-    sizes = [options.channels] * 3 + [FEATURES]
+    sizes = [channels] * 3 + [FEATURES]
     layers = []
     for i, (inputs, outputs) in enumerate(itertools.pairwise(sizes)):
-        numbers = read(f"layer{i}.f32")
+        numbers = read(f"layer{i}")
         weights = numbers[:-outputs].reshape(KERNEL, inputs, outputs).permute(1, 2, 0).contiguous()
         layers.append((weights, numbers[-outputs:].contiguous()))
 
@@ -42,8 +36,8 @@ def main() -> None:
             z = functional.conv_transpose1d(z, weights, bias, stride=2, padding=KERNEL // 2, output_padding=1)
         return z
 
-    z = read("z.f32").reshape(1, LATENT_FRAMES, options.channels).permute(0, 2, 1).contiguous()
-    wanted = read("x.f32").reshape(1, WINDOW, FEATURES).permute(0, 2, 1)
+    z = read("z").reshape(1, LATENT_FRAMES, channels).permute(0, 2, 1).contiguous()
+    wanted = read("x").reshape(1, WINDOW, FEATURES).permute(0, 2, 1)
     with torch.no_grad():
         error = (decode(z) - wanted).abs().max().item()
     if error > 1e-3 * wanted.abs().max().item():
@@ -51,14 +45,22 @@ def main() -> None:
 
     z.requires_grad_(True)
     adam = torch.optim.Adam([z], lr=0.005)
-    start = time.perf_counter()
-    for _ in range(options.steps):
-        adam.zero_grad()
-        loss = (decode(z) - 1.0).square().sum()
-        loss.backward()
-        adam.step()
-    seconds = time.perf_counter() - start
-    print(f"PyTorch {torch.__version__}, {torch.get_num_threads()} threads: {seconds:.2f} s (X differs by {error:.0e})")
+
+    def optimize() -> None:
+        for _ in range(steps):
+            adam.zero_grad()
+            (decode(z) - 1.0).square().sum().backward()
+            adam.step()
+
+    table(
+        f"{steps} latent steps through {channels} channels",
+        "s",
+        [
+            ("Oncue, one window on one thread", work.facts["seconds"]),
+            (f"PyTorch {torch.__version__}, {torch.get_num_threads()} threads", seconds(optimize)),
+        ],
+        [f"X differs by {error:.0e}"],
+    )
 
 
 if __name__ == "__main__":

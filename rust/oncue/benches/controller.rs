@@ -1,7 +1,11 @@
 //! Prints what the controller's parts cost: search µs, µs of an observation and of a decision, environment
 //! steps a second, seconds an update. Each beside a plain reference in the same run where there is one.
 //!
-//! `cargo bench --bench controller`
+//! With `ONCUE_PEERS` naming a Python that has them, the same searches are made by numpy and scipy and the same learning
+//! by PyTorch (`tools/peers`). `cargo bench --bench controller`, or `nox -s bench`, which sets the variable.
+
+#[allow(dead_code)] // each bench uses what it needs of it
+mod peer;
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -10,14 +14,24 @@ use glam::Vec3;
 use oncue::controller::episode::Environment;
 use oncue::controller::policy::{Policy, draw};
 use oncue::controller::ppo::Ppo;
-use oncue::controller::rollout::Rollout;
+use oncue::controller::rollout::{Rollout, Tuples};
+use oncue::controller::{KeptPolicy, state};
 use oncue::library::database::MotionDatabase;
 use oncue::library::feature::{Future, feature_size, write_feature};
+use oncue::library::search::SearchIndex;
 use oncue::library::starter;
+use oncue::nn::Activations;
 use oncue::scene::SceneIndex;
 use oncue::{ActionCue, ActionType, InitialState, Progress, Settings, Task};
+use peer::Work;
+use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use serde_json::json;
+
+/// The paper's tuples an update, and the epochs of the two presets.
+const TUPLES: usize = 30_000;
+const EPOCHS: [usize; 2] = [3, 5];
 
 fn main() {
     let progress = Progress::new();
@@ -47,44 +61,182 @@ fn main() {
         manipulations: Vec::new(),
     };
     let environment = Environment::new(&scene, &database, &task, &settings);
-    let mut rng = Pcg64::seed_from_u64(1);
-    let mut policy = Policy::new(environment.state_size(), &settings, &mut rng);
+    let policy = Policy::new(environment.state_size(), &settings, &mut Pcg64::seed_from_u64(1));
     println!("state: {} numbers", environment.state_size());
     decision(&environment, &policy);
+    real_searches(&environment);
+    for epochs in EPOCHS {
+        update(&environment, &policy, epochs);
+    }
+}
 
-    let mut rollout = Rollout::new(std::slice::from_ref(&environment), 1);
+/// One update of [`TUPLES`] from scratch: rolled out, then learnt, here and in PyTorch.
+fn update(environment: &Environment, policy: &Policy, epochs: usize) {
+    let mut settings = environment.settings.ppo.clone();
+    settings.epochs = epochs;
+    let environments = std::slice::from_ref(environment);
+    let mut rollout = Rollout::new(environments, 1);
     let lap = Instant::now();
-    let mut tuples =
-        rollout.gather(std::slice::from_ref(&environment), &policy, settings.ppo.tuples, &progress);
+    let mut tuples = rollout.gather(environments, policy, TUPLES, &Progress::new());
     let rolled = lap.elapsed().as_secs_f64();
+    let work = Work::new(&format!("update-{epochs}-epochs"));
+    if let Some(work) = &work {
+        write_tuples(work, policy, &tuples, epochs);
+    }
+    let (mut learnt_policy, mut ppo) = (policy.clone(), Ppo::new(policy, &settings, 1));
+    let states = normalized(policy, &tuples.states);
     let lap = Instant::now();
-    let mut ppo = Ppo::new(&policy, &settings.ppo, 1);
-    ppo.update(&mut policy, &mut tuples, &settings.ppo, &progress).expect("not cancelled");
+    ppo.update(&mut learnt_policy, &mut tuples, &settings, &Progress::new()).expect("not cancelled");
     let learnt = lap.elapsed().as_secs_f64();
-    let n = tuples.rewards.len() as f64;
-    println!("rollout: {:.0} environment steps/s ({rolled:.2} s)", n / rolled);
-    println!("update of {n:.0} tuples: {:.2} s (learning {learnt:.2} s)", rolled + learnt);
+    let n = tuples.rewards.len();
+    println!(
+        "update of {n} tuples, {epochs} epochs of {}: {:.2} s (rollout {rolled:.2} s, {:.0} environment steps/s; learning {learnt:.2} s)",
+        settings.batch,
+        rolled + learnt,
+        n as f64 / rolled,
+    );
+    let Some(work) = work else { return };
+    let mut activations = Activations::default();
+    work.floats("means", learnt_policy.means(&states, n, &mut activations));
+    learnt_policy.value.forward(&states, n, &mut activations);
+    work.floats("values", activations.output());
+    let facts = json!({
+        "ppo": settings, "policy_sizes": policy.policy.sizes, "value_sizes": policy.value.sizes,
+        "per_environment": tuples.per_environment, "seconds": learnt, "threads": rayon::current_num_threads(),
+    });
+    work.run("torch_update.py", &facts);
+}
+
+fn normalized(policy: &Policy, states: &[f32]) -> Vec<f32> {
+    let mut states = states.to_vec();
+    Policy::normalize(&mut states, &policy.normalizer.map());
+    states
+}
+
+/// What the update begins with: the policy, its tuples, and the order in which its seed takes them.
+fn write_tuples(work: &Work, policy: &Policy, tuples: &Tuples, epochs: usize) {
+    work.floats("policy", &policy.policy.parameters);
+    work.floats("value", &policy.value.parameters);
+    work.floats("log_std", &policy.log_std);
+    work.floats("states", &normalized(policy, &tuples.states));
+    work.floats("last_states", &normalized(policy, &tuples.last_states));
+    work.floats("proposals", &tuples.proposals);
+    work.floats("vectors", &tuples.vectors);
+    work.floats("log_probabilities", &tuples.log_probabilities);
+    work.floats("rewards", &tuples.rewards);
+    work.counts("types", tuples.types.iter().map(|&t| t as u32));
+    work.counts("allowed", tuples.allowed.iter().flatten().map(|&a| u32::from(a)));
+    work.counts("ended", tuples.ended.iter().map(|&e| u32::from(e)));
+    let mut rng = Pcg64::seed_from_u64(1);
+    let mut order: Vec<u32> = (0..tuples.rewards.len() as u32).collect();
+    work.counts(
+        "order",
+        (0..epochs).flat_map(|_| {
+            order.shuffle(&mut rng);
+            order.clone()
+        }),
+    );
+}
+
+/// What S is asked for while the prior plays episodes from anywhere: queries, and the hint that comes with each.
+fn recorded(environment: &Environment) -> [(ActionType, Vec<Vec<f32>>, Vec<Option<usize>>); 2] {
+    let mut walks = (ActionType::Walk, Vec::new(), Vec::new());
+    let mut sits = (ActionType::Sit, Vec::new(), Vec::new());
+    let (Some(prior), settings) = (KeptPolicy::prior(), environment.settings) else { return [walks, sits] };
+    let (policy, map) = (&prior.policy, prior.policy.normalizer.map());
+    let mut rng = Pcg64::seed_from_u64(4);
+    let mut numbers = vec![0.0; environment.state_size()];
+    let mut activations = Activations::default();
+    while walks.1.len() < 2000 {
+        let mut episode = environment.begin_anywhere(&mut rng);
+        loop {
+            let observation = environment.observe(&episode, &mut numbers);
+            let Some(pose) = observation.query.as_deref() else { break };
+            let cue = &environment.task.cue;
+            let character = &episode.character;
+            let target = character.planar.relative(cue.planar());
+            if target.position.length() <= state::ACTION_RANGE {
+                let mut query = vec![0.0; feature_size(ActionType::Sit)];
+                let height = cue.position.z - character.floor;
+                write_feature(pose, &Future::Complete(target, height), &mut query);
+                sits.1.push(query);
+                sits.2.push(None);
+            }
+            Policy::normalize(&mut numbers, &map);
+            let means = policy.means(&numbers, 1, &mut activations);
+            let means: Vec<f32> = means.iter().zip(&observation.proposal).map(|(m, p)| m + p).collect();
+            let drawn = draw(&means, observation.allowed, &policy.log_std, 1.0, &mut rng);
+            if drawn.action_type == ActionType::Walk as usize {
+                let signal = settings.signal.decode(ActionType::Walk, &drawn.vector, character.velocity());
+                let mut query = vec![0.0; feature_size(ActionType::Walk)];
+                write_feature(pose, &Future::Walk(signal.future), &mut query);
+                walks.1.push(query);
+                walks.2.push(Some(character.frame));
+            }
+            if environment.step(&mut episode, &observation, &drawn).end.is_some() {
+                break;
+            }
+        }
+    }
+    [walks, sits]
+}
+
+/// The searches of real episodes, here and by numpy and scipy.
+fn real_searches(environment: &Environment) {
+    for (action_type, queries, hints) in recorded(environment) {
+        let (frames, all) = entries(environment.database, action_type);
+        let weights = environment.database.weights.vector(action_type);
+        let index = SearchIndex::build(&all, &weights);
+        let hints: Vec<_> = hints.iter().map(|hint| frames.binary_search(&(*hint)?).ok()).collect();
+        let mut found = Vec::new();
+        let microseconds = (0..3)
+            .map(|_| {
+                let lap = Instant::now();
+                found = queries.iter().zip(&hints).filter_map(|(q, &hint)| index.nearest(q, hint)).collect();
+                lap.elapsed().as_secs_f64() / queries.len() as f64 * 1e6
+            })
+            .fold(f64::INFINITY, f64::min);
+        println!(
+            "search {action_type:?} of real episodes: {microseconds:.1} µs ({} queries of {} entries)",
+            queries.len(),
+            frames.len()
+        );
+        let Some(work) = Work::new(&format!("search-{action_type:?}").to_lowercase()) else { continue };
+        work.floats("features", &all);
+        work.floats("weights", &weights);
+        work.floats("queries", &queries.concat());
+        work.floats("costs", &found.iter().map(|m| m.cost).collect::<Vec<_>>());
+        work.counts("entries", found.iter().map(|m| m.entry as u32));
+        let title = format!("search {action_type:?}, as episodes ask");
+        work.run("nearest.py", &json!({ "title": title, "microseconds": microseconds }));
+    }
+}
+
+/// The frames that may be entered for an action and their features, one after the other.
+fn entries(database: &MotionDatabase, action_type: ActionType) -> (Vec<usize>, Vec<f32>) {
+    let size = feature_size(action_type);
+    let (mut frames, mut features) = (Vec::new(), Vec::new());
+    for frame in 0..database.frames.len() {
+        let Some(future) = database.future(action_type, frame) else { continue };
+        frames.push(frame);
+        features.resize(features.len() + size, 0.0);
+        let at = features.len() - size;
+        write_feature(&database.pose_features[frame], &future, &mut features[at..]);
+    }
+    (frames, features)
 }
 
 fn search(database: &MotionDatabase) {
     let mut rng = Pcg64::seed_from_u64(5);
     for action_type in [ActionType::Walk, ActionType::Sit] {
         let size = feature_size(action_type);
-        let frames: Vec<usize> =
-            (0..database.frames.len()).filter(|f| database.future(action_type, *f).is_some()).collect();
-        let feature = |frame: usize| {
-            let mut out = vec![0.0; size];
-            let future =
-                database.future(action_type, frame).unwrap_or(Future::Complete(Default::default(), 0.0));
-            write_feature(&database.pose_features[frame], &future, &mut out);
-            out
-        };
-        let all: Vec<f32> = frames.iter().flat_map(|f| feature(*f)).collect();
+        let (_, all) = entries(database, action_type);
         let weights = database.weights.vector(action_type);
         for noise in [0.02, 0.1, 0.3] {
             let queries: Vec<Vec<f32>> = (0..200)
                 .map(|_| {
-                    let mut q = feature(frames[rng.random_range(0..frames.len())]);
+                    let entry = rng.random_range(0..all.len() / size);
+                    let mut q = all[entry * size..(entry + 1) * size].to_vec();
                     q.iter_mut().for_each(|v| *v += noise * rng.random_range(-1.0f32..1.0));
                     q
                 })

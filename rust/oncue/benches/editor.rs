@@ -1,13 +1,13 @@
 //! Prints what the motion manifold costs: seconds of 500 steps of a latent optimization (decode, kinematics, backward)
 //! on one window and on two at once, and windows a second of training.
 //!
-//! With `ONCUE_TORCH` naming a Python that has PyTorch, the same decoder runs its 500 steps there beside it
+//! With `ONCUE_PEERS` naming a Python that has PyTorch, the same decoder runs its 500 steps there beside it
 //! (`tools/peers/torch_decoder.py`), after its output was found to be the same. `cargo bench --bench editor`, or
 //! `nox -s bench`, which sets the variable.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+#[allow(dead_code)] // each bench uses what it needs of it
+mod peer;
+
 use std::time::Instant;
 
 use glam::Vec3;
@@ -19,7 +19,9 @@ use oncue::library::starter;
 use oncue::math::Planar;
 use oncue::motion::{JOINT_COUNT, Motion};
 use oncue::nn::{Adam, Conv1d};
+use peer::Work;
 use rayon::prelude::*;
+use serde_json::json;
 
 const STEPS: usize = 500;
 const LEARNING_RATE: f32 = 0.005;
@@ -44,8 +46,8 @@ fn main() {
         windows.par_iter().for_each(|x| optimize(&manifold, x));
         let two = lap.elapsed().as_secs_f64();
         println!("{channels} channels, {STEPS} steps: {one:.2} s for one window, {two:.2} s for two at once");
-        if let Some(python) = std::env::var_os("ONCUE_TORCH") {
-            peer(Path::new(&python), &manifold, &windows[0]);
+        if let Some(work) = Work::new(&format!("decoder-{channels}")) {
+            peer(&work, &manifold, &windows[0], one);
         }
     }
     // `-- decoder` leaves the training out.
@@ -98,24 +100,13 @@ fn training(library: &oncue::MotionLibrary) {
 }
 
 /// Runs the decoder in PyTorch: it checks its output against ours, and prints its own time.
-fn peer(python: &Path, manifold: &Manifold, x: &[f32]) {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("torch-decoder");
-    fs::create_dir_all(&folder).expect("a folder");
-    let write = |name: &str, numbers: &[f32]| {
-        let bytes: Vec<u8> = numbers.iter().flat_map(|v| v.to_le_bytes()).collect();
-        fs::write(folder.join(name), bytes).expect("a file");
-    };
+fn peer(work: &Work, manifold: &Manifold, x: &[f32], seconds: f64) {
     let z = manifold.encode(x);
     for (i, Conv1d { parameters, .. }) in manifold.decoder_layers().iter().enumerate() {
-        write(&format!("layer{i}.f32"), parameters);
+        work.floats(&format!("layer{i}"), parameters);
     }
-    write("z.f32", &z);
-    write("x.f32", manifold.decode(&z, &mut DecoderWorkspace::default()));
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tools/peers/torch_decoder.py");
-    let status = Command::new(python)
-        .arg(script)
-        .arg(&folder)
-        .args(["--channels", &manifold.channels().to_string(), "--steps", &STEPS.to_string()])
-        .status();
-    assert!(status.expect("the Python that ONCUE_TORCH names").success(), "PyTorch's decoder failed");
+    work.floats("z", &z);
+    work.floats("x", manifold.decode(&z, &mut DecoderWorkspace::default()));
+    let facts = json!({ "channels": manifold.channels(), "steps": STEPS, "seconds": seconds });
+    work.run("torch_decoder.py", &facts);
 }

@@ -3,9 +3,14 @@
 //!
 //! `cargo bench -p oncue --bench scene`. On the quest_living_room scan where the reference data is present (cut
 //! finer until it has the asked number of triangles), and on a room made here.
+//!
+//! With `ONCUE_PEERS` naming a Python that has it, the same edges go through Embree (`tools/peers/embree_crossings.py`);
+//! `nox -s bench` sets the variable.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
+#[allow(dead_code)] // each bench uses what it needs of it
+mod peer;
 
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -19,6 +24,8 @@ use oncue::motion::skeleton::LIMB_BOX_COUNT;
 use oncue::motion::{BODY_BOXES, Joint, Pose, Posture};
 use oncue::scene::{ClearPath, SceneIndex, SceneSettings};
 use oncue::{ActionCue, ActionType, Progress};
+use peer::Work;
+use serde_json::json;
 
 struct Mesh {
     positions: Vec<Vec3>,
@@ -72,6 +79,9 @@ fn measure(name: &str, mesh: Mesh) {
     println!("  obvhs alone, medium preset: build {:.3} s", reference_build.as_secs_f64());
 
     let above = scene.floor_height() + settings.carpet_height;
+    let title = format!("{name}, {} triangles", mesh.triangles.len());
+    let work = Work::new(&format!("scene-{name}-{}", mesh.triangles.len()).replace(' ', "-"));
+    let mut kinds = serde_json::Map::new();
     for (kind, frames) in frames(&scene) {
         let mut count = 0;
         let ours = best(7, || {
@@ -96,9 +106,24 @@ fn measure(name: &str, mesh: Mesh) {
             f64::from(count) / frames.len() as f64,
             f64::from(reference_count) / frames.len() as f64,
         );
+        if let Some(work) = &work {
+            let edges = frames.iter().flat_map(limb_edges).filter_map(|edge| edge.over(above));
+            let numbers = edges.flat_map(|e| {
+                [e.origin.to_array(), e.direction.to_array()].concat().into_iter().chain([e.length])
+            });
+            work.floats(&format!("{kind}-edges"), &numbers.collect::<Vec<_>>());
+            let ours = json!({ "frames": frames.len(), "microseconds": per_frame(ours), "crossings": count });
+            kinds.insert(kind.to_owned(), ours);
+        }
         if kind == "walking" {
             paths(&scene, &frames);
         }
+    }
+    if let Some(work) = work {
+        work.floats("positions", &mesh.positions.iter().flat_map(|p| p.to_array()).collect::<Vec<_>>());
+        work.counts("triangles", mesh.triangles.iter().flatten().copied());
+        let facts = json!({ "title": title, "build_seconds": build.as_secs_f64(), "kinds": kinds });
+        work.run("embree_crossings.py", &facts);
     }
 }
 
@@ -207,9 +232,34 @@ fn frames(scene: &SceneIndex) -> Vec<(&'static str, Vec<Pose>)> {
     vec![("near", near), ("far", far), ("walking", walking)]
 }
 
-/// The reference: each of the 12 edges of each limb as a segment through obvhs's tree, all hits counted.
-fn edge_by_edge(tree: &Bvh2, triangles: &[Triangle], pose: &Pose, above: f32) -> u32 {
-    let mut count = 0;
+/// An edge of a placed box: `direction` is a unit vector, metres.
+struct Edge {
+    origin: Vec3,
+    direction: Vec3,
+    length: f32,
+}
+
+impl Edge {
+    /// The part that lies over the height `above`, from which crossings count.
+    fn over(self, above: f32) -> Option<Self> {
+        let (low, high) = (self.origin.z, self.origin.z + self.length * self.direction.z);
+        if low >= above && high >= above {
+            return Some(self);
+        }
+        let cut = (above - low) / self.direction.z;
+        match (low < above, high < above) {
+            (true, true) => None,
+            (true, false) => {
+                Some(Self { origin: self.origin + cut * self.direction, length: self.length - cut, ..self })
+            }
+            _ => Some(Self { length: cut, ..self }),
+        }
+    }
+}
+
+/// The 12 edges of each limb.
+fn limb_edges(pose: &Pose) -> Vec<Edge> {
+    let mut edges = Vec::with_capacity(12 * LIMB_BOX_COUNT);
     for node in &BODY_BOXES[..LIMB_BOX_COUNT] {
         let joint = node.joint.index();
         let (rotation, axes) = (pose.rotations[joint], Mat3::from_quat(pose.rotations[joint]));
@@ -222,14 +272,26 @@ fn edge_by_edge(tree: &Bvh2, triangles: &[Triangle], pose: &Pose, above: f32) ->
                 local[axis] = -h[axis];
                 local[(axis + 1) % 3] = sign(0) * h[(axis + 1) % 3];
                 local[(axis + 2) % 3] = sign(1) * h[(axis + 2) % 3];
-                let (origin, direction) = (center + axes * local, axes.col(axis));
-                let ray = Ray::new(origin.into(), direction.into(), 0.0, 2.0 * h[axis]);
-                tree.ray_traverse_anyhit(ray, |ray, id| {
-                    let t = triangles[tree.primitive_indices[id] as usize].intersect(ray);
-                    count += u32::from(t <= ray.tmax && origin.z + t * direction.z >= above);
+                edges.push(Edge {
+                    origin: center + axes * local,
+                    direction: axes.col(axis),
+                    length: 2.0 * h[axis],
                 });
             }
         }
+    }
+    edges
+}
+
+/// The reference: each of the 12 edges of each limb as a segment through obvhs's tree, all hits counted.
+fn edge_by_edge(tree: &Bvh2, triangles: &[Triangle], pose: &Pose, above: f32) -> u32 {
+    let mut count = 0;
+    for Edge { origin, direction, length } in limb_edges(pose) {
+        let ray = Ray::new(origin.into(), direction.into(), 0.0, length);
+        tree.ray_traverse_anyhit(ray, |ray, id| {
+            let t = triangles[tree.primitive_indices[id] as usize].intersect(ray);
+            count += u32::from(t <= ray.tmax && origin.z + t * direction.z >= above);
+        });
     }
     count
 }

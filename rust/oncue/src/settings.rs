@@ -293,11 +293,14 @@ pub struct KeptSettings {
     pub branches: usize,
     /// …and so many rounds more while the best motion still has something that an artist would mind.
     pub more_rounds: usize,
+    /// Where the way is narrow, rollouts vary a^offset by at least this standard deviation, radians (0: as the policy has
+    /// it).
+    pub narrow_offset: f32,
 }
 
 impl Default for KeptSettings {
     fn default() -> Self {
-        Self { rollouts: 128, rounds: 3, branches: 6, more_rounds: 9 }
+        Self { rollouts: 128, rounds: 3, branches: 6, more_rounds: 9, narrow_offset: 0.2 }
     }
 }
 
@@ -386,6 +389,7 @@ impl Settings {
                 settings.kept.rollouts = 1;
                 settings.kept.rounds = 0;
                 settings.kept.more_rounds = 0;
+                settings.kept.narrow_offset = 0.0;
             }
             other => {
                 return Err(Error::input(format!(

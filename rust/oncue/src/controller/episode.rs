@@ -334,6 +334,20 @@ impl<'a> Environment<'a> {
         (frame >= termination.longest).then_some(EpisodeEnd::TooLong)
     }
 
+    /// How narrow the way is here and where the next second leads at this velocity: 0 from the scene's `free_clearance`
+    /// on, 1 from `narrow_clearance` down.
+    pub fn narrowness(&self, episode: &Episode) -> f32 {
+        let (grid, settings) = (self.scene.occupancy(), self.scene.settings());
+        let here = episode.character.planar;
+        let velocity = here.direction_to_world(episode.character.velocity());
+        let room = [0.0, 0.33, 0.67, 1.0]
+            .map(|seconds| grid.clearance(here.position + velocity * seconds))
+            .into_iter()
+            .fold(f32::INFINITY, f32::min);
+        let (narrow, free) = (settings.narrow_clearance, settings.free_clearance);
+        ((free - room) / (free - narrow)).clamp(0.0, 1.0)
+    }
+
     /// Nothing that an artist would mind: the cue met, no limb in the scene, no detour.
     pub fn is_clean(&self, end: EpisodeEnd, tally: &Tally) -> bool {
         let shortest = self.path.distance(self.task.start.planar().position);

@@ -129,13 +129,26 @@ fn play_on(
             Policy::normalize(&mut state, map);
             let means = policy.means(&state, 1, &mut activations);
             let mean: Vec<f32> = means.iter().zip(&observation.proposal).map(|(m, p)| m + p).collect();
-            draws.push(draw(&mean, observation.allowed, &policy.log_std, spread, rng));
+            draws.push(draw(&mean, observation.allowed, &log_std(environment, policy, episode), spread, rng));
         }
         if let Some(end) = environment.step(episode, &observation, &draws[decision]).end {
             return end;
         }
     }
     EpisodeEnd::TooLong
+}
+
+/// The policy's log standard deviations, with those of a^offset widened where the way is narrow: arms that hang free
+/// nearly everywhere are varied too little there for a rollout to take them past.
+fn log_std(environment: &Environment, policy: &Policy, episode: &Episode) -> Vec<f32> {
+    let settings = environment.settings;
+    let mut log_std = policy.log_std.clone();
+    let narrow = settings.kept.narrow_offset * environment.narrowness(episode);
+    if settings.signal.posture_offset && narrow > 0.0 {
+        let least = (narrow / settings.signal.offset_scale).ln();
+        log_std[settings.signal.future_size()..].iter_mut().for_each(|s| *s = s.max(least));
+    }
+    log_std
 }
 
 /// One rollout from `start`: how it ended and its figures. `map`: [`super::policy::Normalizer::map`].

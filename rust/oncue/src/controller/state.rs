@@ -21,7 +21,7 @@ use crate::settings::StateSettings;
 use crate::synthesizer::Character;
 
 /// Beyond this many metres from the cue no sit or stop is looked for.
-const ACTION_RANGE: f32 = 3.0;
+pub const ACTION_RANGE: f32 = 3.0;
 
 /// A sit or stop that would be possible now.
 #[derive(Debug, Clone, Copy, PartialEq)]

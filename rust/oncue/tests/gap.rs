@@ -1,0 +1,119 @@
+//! Arms turn aside in a gap between two cupboards (posture offset, LAMA section 3.3): the room of the fixture `gap_room`,
+//! with the posture offset and without, otherwise alike and from scratch.
+
+use glam::Vec3;
+use oncue::library::database::MotionDatabase;
+use oncue::library::starter;
+use oncue::motion::{BODY_BOXES, Limb, Pose};
+use oncue::scene::SceneIndex;
+use oncue::{ActionCue, ActionType, InitialState, Motion, Progress, Settings, Task, synthesize};
+
+/// The gap is so wide, and the cupboards so deep, metres.
+const GAP: f32 = 0.55;
+const CUPBOARDS: (f32, f32) = (-0.9, -0.4);
+
+fn gap_room() -> SceneIndex {
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for (low, high) in [
+        ([-3.0, -4.0, -0.1], [3.0, 3.0, 0.0]),
+        ([-3.0, CUPBOARDS.0, 0.0], [-GAP / 2.0, CUPBOARDS.1, 1.9]),
+        ([GAP / 2.0, CUPBOARDS.0, 0.0], [3.0, CUPBOARDS.1, 1.9]),
+    ] {
+        let base = positions.len() as u32;
+        for i in 0..8 {
+            let pick = |axis: usize| if i & (1 << axis) == 0 { low[axis] } else { high[axis] };
+            positions.push(Vec3::new(pick(0), pick(1), pick(2)));
+        }
+        for q in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
+            triangles.push([base + q[0], base + q[1], base + q[2]]);
+            triangles.push([base + q[0], base + q[2], base + q[3]]);
+        }
+    }
+    SceneIndex::build(&positions, &triangles, &Settings::default().scene, &Progress::new()).expect("a room")
+}
+
+fn through_the_gap() -> Task {
+    Task {
+        start: InitialState { name: "Start".into(), position: Vec3::new(0.5, -3.0, 0.0), yaw: 2.6 },
+        cue: ActionCue {
+            name: "Stop".into(),
+            action_type: ActionType::Stop,
+            position: Vec3::new(0.3, 1.4, 0.0),
+            yaw: 2.8,
+            feet: [None; 2],
+        },
+        manipulations: Vec::new(),
+    }
+}
+
+/// Over a motion: frames with any arm in a cupboard, their crossings, and how wide the arms are between the cupboards,
+/// metres.
+#[derive(Debug, Default)]
+struct Arms {
+    frames: usize,
+    crossings: u32,
+    width: f32,
+    other_frames: usize,
+}
+
+fn arms(scene: &SceneIndex, motion: &Motion) -> Arms {
+    let mut arms = Arms::default();
+    for posture in &motion.postures {
+        let pose = posture.pose();
+        let counts = scene.body_intersections(&pose, 0.1);
+        let of = |wanted: fn(Limb) -> bool| -> u32 {
+            BODY_BOXES.iter().zip(counts).filter(|(node, _)| wanted(node.limb)).map(|(_, count)| count).sum()
+        };
+        let crossings = of(|limb| limb == Limb::Arm);
+        arms.frames += usize::from(crossings > 0);
+        arms.crossings += crossings;
+        arms.other_frames += usize::from(of(|limb| limb != Limb::Arm) > 0);
+        let (left, right) = sides(&pose);
+        arms.width = arms.width.max(right - left);
+    }
+    arms
+}
+
+/// The least and the greatest x of the arms' corners between the cupboards.
+fn sides(pose: &Pose) -> (f32, f32) {
+    let (mut left, mut right) = (f32::INFINITY, f32::NEG_INFINITY);
+    for node in BODY_BOXES.iter().filter(|node| node.limb == Limb::Arm) {
+        let joint = node.joint.index();
+        for corner in 0..8 {
+            let sign = |axis: usize| if corner & (1 << axis) == 0 { -1.0 } else { 1.0 };
+            let local = node.center + node.half_extents * Vec3::new(sign(0), sign(1), sign(2));
+            let place = pose.positions[joint] + pose.rotations[joint] * local;
+            if (CUPBOARDS.0..CUPBOARDS.1).contains(&place.y) {
+                (left, right) = (left.min(place.x), right.max(place.x));
+            }
+        }
+    }
+    (left, right)
+}
+
+#[test]
+fn arms_turn_aside_between_two_cupboards() {
+    let (scene, task, progress) = (gap_room(), through_the_gap(), Progress::new());
+    let library = starter::generate(&progress).expect("the starter library");
+    let mut settings = Settings::default();
+    let weights = settings.synthesizer.weights.clone();
+    let database = MotionDatabase::build(&library, &weights, &progress).expect("a database");
+    settings.ppo.prior = false;
+    let mut walk = |posture_offset: bool, seed: u64| {
+        settings.signal.posture_offset = posture_offset;
+        let done = synthesize(&scene, &database, &task, None, &settings, seed, &progress).expect("a motion");
+        assert!(done.report.success, "{:?}", done.report.problems);
+        arms(&scene, &done.motion)
+    };
+    let mut frames = [0, 0];
+    for seed in 1..4 {
+        let (with, without) = (walk(true, seed), walk(false, seed));
+        println!("seed {seed}: with the posture offset {with:?}, without {without:?}");
+        assert!(with.other_frames == 0 && without.other_frames == 0, "{with:?} {without:?}");
+        // Without it the arms brush the cupboards, as there is no other way; with it they are clear or nearly so.
+        assert!(with.frames <= 3 && with.crossings < without.crossings, "{with:?} {without:?}");
+        frames[0] += with.frames;
+        frames[1] += without.frames;
+    }
+    assert!(5 * frames[0] < frames[1], "{frames:?}");
+}
