@@ -1,4 +1,4 @@
-"""The learning part of an update of benches/controller.rs in PyTorch, on the CPU: the same networks, tuples and batches.
+"""The learning part of benches/controller.rs in PyTorch, on the CPU: the same networks, tuples and batches.
 
 Values of all states, advantages, then the epochs over batches in the order that we took them, with the same clipped
 objective, gradient limits and Adam. It begins at our parameters and is to end near ours: single precision parts

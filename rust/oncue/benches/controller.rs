@@ -138,8 +138,11 @@ fn write_tuples(work: &Work, policy: &Policy, tuples: &Tuples, epochs: usize) {
     );
 }
 
+/// An action type with the queries of its searches and their hints.
+type Recorded = (ActionType, Vec<Vec<f32>>, Vec<Option<usize>>);
+
 /// What S is asked for while the prior plays episodes from anywhere: queries, and the hint that comes with each.
-fn recorded(environment: &Environment) -> [(ActionType, Vec<Vec<f32>>, Vec<Option<usize>>); 2] {
+fn recorded(environment: &Environment) -> [Recorded; 2] {
     let mut walks = (ActionType::Walk, Vec::new(), Vec::new());
     let mut sits = (ActionType::Sit, Vec::new(), Vec::new());
     let (Some(prior), settings) = (KeptPolicy::prior(), environment.settings) else { return [walks, sits] };
