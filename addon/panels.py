@@ -224,12 +224,12 @@ def _draw_progress(layout: bpy.types.UILayout) -> None:
 
 def _draw_following(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
     layout.operator("oncue.follow_cues", icon="CON_FOLLOWPATH", depress=following.on)
-    line, icon = following_line()
+    line, icon = following_line(context)
     if line:
         write_lines(context, layout, line, icon)
 
 
-def following_line() -> tuple[str, str]:
+def following_line(context: bpy.types.Context) -> tuple[str, str]:
     """What is said of the following, and its icon; nothing where there is nothing to say."""
     follower = following.follower
     if follower is None:
@@ -237,9 +237,10 @@ def following_line() -> tuple[str, str]:
     if follower.line:
         return follower.line, "ERROR"
     if follower.rested:
-        return "Met", "CHECKMARK"
-    followed = f", {1000 * follower.delay:.0f} ms after the cue" if follower.delay is not None else ""
-    return f"Drag a cue: the motion follows{followed}", "INFO"
+        hands = visible_cues(context, *HANDS)
+        return ("Met but for the hands: press Synthesize", "INFO") if hands else ("Met", "CHECKMARK")
+    # Short, so that the panels below stay where they are during a drag.
+    return ("Drag a cue" if follower.delay is None else f"Followed in {1000 * follower.delay:.0f} ms"), "INFO"
 
 
 def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:

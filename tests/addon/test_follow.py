@@ -372,7 +372,7 @@ def test_at_rest_it_is_the_motion_of_synthesize(drag, oncue):
     moving = keys_of(oncue, drag.live)
     drag.rest()
     assert drag.follower.rested
-    assert oncue("panels").following_line() == ("Met", "CHECKMARK")
+    assert oncue("panels").following_line(bpy.context) == ("Met", "CHECKMARK")
     at_rest = keys_of(oncue, drag.live)
     report = oncue("bridge.session").report_of(drag.live)
     assert report["cues"][0]["met"]
@@ -380,6 +380,21 @@ def test_at_rest_it_is_the_motion_of_synthesize(drag, oncue):
     drag.following.stop("")
     bpy.ops.oncue.synthesize()
     assert keys_of(oncue, current_action()) == at_rest != moving
+
+
+def test_hands_are_left_to_synthesize(drag, oncue, fixtures):
+    """Their ways are read by going through the frames, which would let go of what is dragged."""
+    hand = fixtures.make_cue(bpy.context, "left_hand", (0.3, 0.5, 1.0), 0.0)
+    hand["oncue_first_frame"], hand["oncue_last_frame"] = 60, 70
+    frames, note = [], lambda *_: frames.append(0)
+    bpy.app.handlers.frame_change_pre.append(note)
+    try:
+        drag.move("Stop", x=-0.1)
+        drag.rest()
+    finally:
+        bpy.app.handlers.frame_change_pre.remove(note)
+    assert frames == []
+    assert oncue("panels").following_line(bpy.context)[0] == "Met but for the hands: press Synthesize"
 
 
 def test_the_live_take_can_be_solved_again_at_rest_and_after_the_end(drag, oncue):
@@ -455,7 +470,7 @@ def test_a_cue_in_the_table_is_a_line(drag, oncue):
     bpy.context.view_layer.update()
     drag.until("the line", lambda: drag.follower.line)
     assert "Stop" in drag.follower.line
-    assert oncue("panels").following_line() == (drag.follower.line, "ERROR")
+    assert oncue("panels").following_line(bpy.context) == (drag.follower.line, "ERROR")
     drag.rest()
     assert keys_of(oncue, drag.live) == before
     drag.move("Stop", y=-0.85)

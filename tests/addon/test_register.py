@@ -9,7 +9,8 @@ def ours():
     classes = [name for name in dir(bpy.types) if name.startswith("ONCUE_")]
     handlers = [
         function.__name__
-        for event in ("load_pre", "undo_pre", "redo_pre")
+        for event in dir(bpy.app.handlers)
+        if isinstance(getattr(bpy.app.handlers, event), list)
         for function in getattr(bpy.app.handlers, event)
         if "oncue" in function.__module__ or function.__module__.startswith("addon")
     ]
@@ -19,7 +20,7 @@ def ours():
 def test_register_and_unregister_twice(oncue):
     before = ours()
     assert len(before[0]) > 10
-    assert len(before[1]) == 3
+    assert len(before[1]) > 3
     assert before[2]
     oncue.package.register()
     assert ours() == before

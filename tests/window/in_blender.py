@@ -133,7 +133,7 @@ def watch():
             "fraction": progress.fraction if progress else 0.0,
             "message": handle.message,
             "following": extension("operators.follow").following.on,
-            "said": list(extension("panels").following_line()),
+            "said": list(extension("panels").following_line(bpy.context)),
             "dragged": [operator.bl_idname for operator in bpy.context.window_manager.windows[0].modal_operators],
             "keys": keys() if run is None else "",
             "tab": sidebar.active_panel_category,
