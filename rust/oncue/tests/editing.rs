@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use glam::{Quat, Vec2, Vec3};
-use oncue::editor::manipulation::manipulate;
+use oncue::editor::manipulation::{lengthened, manipulate};
 use oncue::editor::plain_ik::plain_ik;
 use oncue::editor::seat::{Seat, SeatFit};
 use oncue::editor::smoothness::{Smoothness, smoothness};
@@ -290,6 +290,108 @@ fn a_hand_follows_its_path_and_the_motion_grows_by_it() {
     }
 }
 
+/// Frames of a reach or a return over `metres`: 0.6 s and 0.3 s a metre, at least 0.8 s.
+fn reach_frames(metres: f32) -> usize {
+    (30.0 * (0.6 + 0.3 * metres).max(0.8)).round() as usize
+}
+
+#[test]
+fn who_is_still_waits_for_a_late_cue_and_takes_the_time_to_get_back() {
+    let (seated, _) = segment(ActionLabel::SeatedIdle, 90);
+    let (count, settings) = (45, EditorSettings::default());
+    for (what, motion) in [("stands", standing()), ("sits", seated)] {
+        let last = motion.len() - 1;
+        let own = |frame: usize| motion.postures[frame.min(last)];
+        let low = match what {
+            "stands" => -0.75,
+            _ => -0.25,
+        };
+        let path: Vec<Vec3> = arc(&motion, last, count).iter().map(|p| p + Vec3::Z * low).collect();
+        // Long after the end, on the frame after it, on its last frame, and a few before.
+        for first in [last + 60, last + 1, last, last - 4] {
+            let cue = ManipulationCue {
+                name: "Drawer".into(),
+                hand: Hand::Right,
+                path: path.clone(),
+                first_frame: Some(first),
+            };
+            let (before, _) = lengthened(&motion, &cue, 0.0, &settings).expect("room for it");
+            let done = carry(&motion, &[cue]).unwrap_or_else(|e| panic!("{what} {first}: {e}"));
+            let after = &done.motion;
+            assert_eq!(done.cues[0].first_frame, first);
+            // The path, the whole return, and a frame on which all is as it was.
+            let held = own(first).pose().position(Joint::RightHand);
+            // What was there after the hold goes on after it.
+            let end = first + count;
+            let below = own(first).pose().position(Joint::RightHand).distance(path[count - 1]);
+            assert_eq!(held, before.postures[end - 1].pose().position(Joint::RightHand));
+            assert_eq!(after.len(), end + reach_frames(below) + 1, "{what} {first}");
+            assert_eq!(after.contacts.len(), after.len());
+            assert_eq!(after.postures[after.len() - 1], own(last), "{what} {first}");
+            // To the bit as it was before the reach, and held from the end until then.
+            let reach = reach_frames(held.distance(path[0]));
+            assert_eq!(done.figures.first_frame, first - reach, "{what} {first}");
+            for frame in 0..first - reach {
+                assert_eq!(after.postures[frame], own(frame), "{what} {first}: frame {frame}");
+                assert_eq!(after.contacts[frame], motion.contacts[frame.min(last)]);
+            }
+            for (i, place) in path.iter().enumerate() {
+                let miss = after.postures[first + i].pose().position(Joint::RightHand).distance(*place);
+                assert!(miss < 0.01, "{what} {first}: {miss} on frame {}", first + i);
+            }
+            for frame in 1..after.len() {
+                let pose = [frame - 1, frame].map(|f| after.postures[f].pose());
+                for (side, joint) in [Joint::LeftToe, Joint::RightToe].into_iter().enumerate() {
+                    let planted = [frame - 1, frame].iter().all(|&f| after.contacts[f][side] >= 1.0);
+                    let slide = pose[0].position(joint).distance(pose[1].position(joint));
+                    assert!(!planted || slide < 0.003, "{what} {first}: a foot slides {slide} on {frame}");
+                }
+            }
+            assert_sound(&before, &Edited { motion: done.motion, figures: done.figures });
+        }
+    }
+}
+
+#[test]
+fn several_late_cues_are_met_on_their_own_frames() {
+    let motion = standing();
+    let path = arc(&motion, 149, 30);
+    let cues = [(Hand::Left, 180), (Hand::Right, 200), (Hand::Left, 300)].map(|(hand, first)| {
+        ManipulationCue { name: format!("Cue {first}"), hand, path: path.clone(), first_frame: Some(first) }
+    });
+    let done = carry(&motion, &cues).expect("within reach");
+    for (cue, at) in cues.iter().zip(&done.cues) {
+        assert_eq!(cue.first_frame, Some(at.first_frame));
+        let joint = if cue.hand == Hand::Left { Joint::LeftHand } else { Joint::RightHand };
+        for (i, place) in path.iter().enumerate() {
+            let pose = done.motion.postures[at.first_frame + i].pose();
+            assert!(pose.position(joint).distance(*place) < 0.01, "{}: {i}", cue.name);
+        }
+    }
+    assert_eq!(done.motion.postures.last(), motion.postures.last());
+}
+
+#[test]
+fn nobody_waits_on_the_way() {
+    let (walking, _) = segment(ActionLabel::Walk, 90);
+    let pose = walking.postures[walking.len() - 1].pose();
+    let path = vec![pose.position(Joint::LeftHand) + Vec3::Z * 0.1; 20];
+    let cue = |first| {
+        [ManipulationCue {
+            name: "Rail".into(),
+            hand: Hand::Left,
+            path: path.clone(),
+            first_frame: Some(first),
+        }]
+    };
+    let last = walking.len() - 1;
+    for first in [last - 10, last + 1, last + 40] {
+        let text = carry(&walking, &cue(first)).expect_err("it ends on the way").to_string();
+        let range = format!("‘Rail’ runs from frame {first} to {}", first + 19);
+        assert!(text.contains(&range) && text.contains("ends on the way"), "{text}");
+    }
+}
+
 #[test]
 fn bad_cues_are_named_and_leave_the_motion_alone() {
     let motion = standing();
@@ -308,7 +410,16 @@ fn bad_cues_are_named_and_leave_the_motion_alone() {
     let mut jump = path.clone();
     jump[12] += Vec3::X;
     assert!(refused(&[cue("Lid", Hand::Left, &jump, Some(50))]).contains("jumps by"), "{jump:?}");
-    assert!(refused(&[cue("Lid", Hand::Left, &path, Some(900))]).contains("runs from frame 900 to 929"));
+    for first in [motion.len() + 3600, usize::MAX] {
+        let text = refused(&[cue("Lid", Hand::Left, &path, Some(first))]);
+        assert!(
+            text.contains(&format!("begins on frame {first}")) && text.contains("at most 120 s"),
+            "{text}"
+        );
+    }
+    let none = Motion { postures: Vec::new(), contacts: Vec::new() };
+    let text = carry(&none, &[cue("Lid", Hand::Left, &path, Some(5))]).expect_err("refused").to_string();
+    assert!(text.contains("no motion"), "{text}");
     assert!(refused(&[cue("Lid", Hand::Left, &[], Some(9))]).contains("has no path"));
     let keys = [Key { joint: "Tail".into(), frame: 10 }];
     assert!(edit_with_keys(&motion, &[], &keys).expect_err("no tail").to_string().contains("no bone ‘Tail’"));

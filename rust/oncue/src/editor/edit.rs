@@ -485,6 +485,16 @@ fn asked(constraints: &[Constraint]) -> Option<(usize, usize)> {
 
 /// The frames that an edit may change: those asked for, and room before and after to get there and back.
 pub(super) fn span(motion: &Motion, constraints: &[Constraint], settings: &EditorSettings) -> Range<usize> {
+    let whole = whole_span(motion, constraints, settings);
+    whole.start..whole.end.min(motion.len())
+}
+
+/// The same with the whole of the way back, which may end after the motion.
+pub(super) fn whole_span(
+    motion: &Motion,
+    constraints: &[Constraint],
+    settings: &EditorSettings,
+) -> Range<usize> {
     let Some((mut first, mut end)) = asked(constraints) else { return 0..0 };
     for c in constraints {
         let frames = c.frames();
@@ -497,7 +507,7 @@ pub(super) fn span(motion: &Motion, constraints: &[Constraint], settings: &Edito
         first = first.min(frames.start.saturating_sub(before));
         end = end.max(frames.end + after);
     }
-    first..end.min(motion.len())
+    first..end
 }
 
 /// Frames of a reach over `distance` metres: long ones take longer, though not in proportion.

@@ -3,6 +3,9 @@
 //! Where a cue's range lies in a part in which the person stands or sits still, the motion is lengthened by holding the
 //! target frame for the τ frames of the path, as the paper has it. On the way (a rail, a wall) the motion keeps its
 //! length. The reach and the return take longer the farther the hand has to go.
+//!
+//! What a cue asks for after the motion's end the paper leaves open. Someone who ends standing or sitting still waits
+//! there: for a range that begins later, through one that ends later, and until the hand is back and the body upright.
 
 use std::ops::Range;
 
@@ -10,14 +13,14 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::constraint::{Constraint, check_path};
-use super::edit::{EditFigures, reach_frames};
+use super::edit::{EditFigures, reach_frames, whole_span};
 use super::feet::is_supported;
 use super::latent::Decoder;
 use super::resolve::{Wishes, resolve};
 use crate::cue::{ActionType, Hand, ManipulationCue, Task};
 use crate::error::{Error, Result};
 use crate::math::planar::rotate;
-use crate::motion::{Joint, Motion};
+use crate::motion::{FRAME_RATE, Joint, Motion};
 use crate::progress::Progress;
 use crate::scene::SceneIndex;
 use crate::settings::EditorSettings;
@@ -26,6 +29,8 @@ use crate::settings::EditorSettings;
 const APART: f32 = 0.20;
 /// The root of a person who stands or sits still moves less than this a frame, metres.
 const STILL: f32 = 0.004;
+/// For a cue nobody waits longer than this, seconds: a range so late is a slip of the keyboard.
+const LONGEST_WAIT: f32 = 120.0;
 /// No hand gets farther from the pelvis than this, metres: a trunk and an arm, stretched.
 const FARTHEST: f32 = 1.25;
 
@@ -89,8 +94,8 @@ fn check_cue(cue: &ManipulationCue) -> Result<()> {
 /// Carries the hands of `motion` along `cues`.
 ///
 /// # Errors
-/// `Input` for a path that is empty or jumps, a range outside the motion, or two paths for one hand; `Unreachable`, by how
-/// much and which way; `Cancelled`.
+/// `Input` for a path that is empty or jumps, a range after the end of a motion that ends on the way or long after any,
+/// or two paths for one hand; `Unreachable`, by how much and which way; `Cancelled`.
 pub fn manipulate<D: Decoder>(
     decoder: Option<&D>,
     motion: &Motion,
@@ -146,30 +151,36 @@ fn place<'a>(
     timed.sort_by_key(|c| c.first_frame);
     for cue in timed {
         let first = cue.first_frame.unwrap_or_default();
+        check_wait(&motion, cue, first)?;
         let end = first + cue.path.len();
-        let outside = || {
-            Error::input(format!(
-                "‘{}’ runs from frame {first} to {}, and the motion has frames 0 to {}; move its range.",
-                cue.name,
-                end - 1,
-                motion.len().saturating_sub(1)
-            ))
-        };
-        if first >= motion.len() {
-            return Err(outside());
-        }
         if held.contains(&first) {
             // Within a hold already: that goes on for as long as this path needs it.
             let more = end.saturating_sub(held.end);
             hold(&mut motion, held.end - 1, more);
             held.end += more;
         } else if is_still(&motion, first, floor) {
+            wait(&mut motion, first + 1);
             hold(&mut motion, first, cue.path.len());
             held = first..end;
-        } else if end > motion.len() {
-            return Err(outside());
+        } else if end <= motion.len() || is_still(&motion, end, floor) {
+            wait(&mut motion, end);
+        } else {
+            return Err(Error::input(format!(
+                "‘{}’ runs from frame {first} to {}, and the motion has frames 0 to {} and ends on the way, where nobody \
+                 can wait; move its range.",
+                cue.name,
+                end - 1,
+                motion.len() - 1
+            )));
         }
         placed.push((first, cue));
+    }
+    // The whole way back, and a frame on which everything is as it was.
+    let asked: Vec<Constraint> =
+        placed.iter().flat_map(|&(first, cue)| constraints(&motion, first, cue)).collect();
+    let back = whole_span(&motion, &asked, settings).end;
+    if !placed.is_empty() && is_still(&motion, back, floor) {
+        wait(&mut motion, back + 1);
     }
     for cue in cues.iter().filter(|c| c.first_frame.is_none()) {
         let Some(last) = motion.len().checked_sub(1) else { continue };
@@ -182,6 +193,22 @@ fn place<'a>(
         placed.push((last + reach, cue));
     }
     Ok((motion, placed))
+}
+
+/// Refuses a range that nobody waits for.
+fn check_wait(motion: &Motion, cue: &ManipulationCue, first: usize) -> Result<()> {
+    let Some(last) = motion.len().checked_sub(1) else {
+        return Err(Error::input(format!("There is no motion that could follow ‘{}’.", cue.name)));
+    };
+    let seconds = first.saturating_sub(last) as f32 / FRAME_RATE;
+    if seconds > LONGEST_WAIT {
+        return Err(Error::input(format!(
+            "‘{}’ begins on frame {first}, {seconds:.0} s after the motion's last, {last}; the person waits for at most \
+             {LONGEST_WAIT:.0} s, so move its range.",
+            cue.name
+        )));
+    }
+    Ok(())
 }
 
 fn joints(hand: Hand) -> &'static [Joint] {
@@ -208,13 +235,22 @@ fn constraints(motion: &Motion, first: usize, cue: &ManipulationCue) -> Vec<Cons
         .collect()
 }
 
-/// Whether the person stands or sits still around `frame`.
+/// Whether the person stands or sits still around `frame`; after its end a motion is as on its last frame.
 fn is_still(motion: &Motion, frame: usize, floor: f32) -> bool {
-    let root = |f: usize| motion.postures[f.min(motion.len() - 1)].root_position;
-    let (before, after) = (root(frame.saturating_sub(3)), root(frame + 3));
+    let last = motion.len() - 1;
+    let root = |f: usize| motion.postures[f].root_position;
+    let frame = frame.min(last);
+    let (first, end) = (frame.saturating_sub(3), (frame + 3).min(last));
+    let (before, after) = (root(first), root(end));
     let stands = motion.contacts[frame].iter().all(|&c| c >= 1.0);
     let carried = stands || is_supported(&motion.postures[frame].pose(), floor);
-    carried && before.distance(after) < 6.0 * STILL
+    carried && before.distance(after) < (end - first).max(1) as f32 * STILL
+}
+
+/// Repeats the last frame until there are `frames`.
+fn wait(motion: &mut Motion, frames: usize) {
+    let count = frames.saturating_sub(motion.len());
+    hold(motion, motion.len() - 1, count);
 }
 
 /// Repeats `frame` `count` times after itself.
