@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Hand cues → φ_M = {q_j^t}: where the hands are to be, frame by frame (LAMA, section 3.1 and supplementary).
 
+What a hand holds plays at its frames of the scene, however long the motion becomes for it: the core puts a path on the
+very frames it is given for, and holds the body still before, meanwhile and after.
+
 A hand cue is an empty. Its way is whatever Blender evaluates: its own keys, drivers, constraints, the hinge that it
 hangs on, the vertex that it is parented to.
 """
@@ -64,7 +67,11 @@ def frame_rate(scene: bpy.types.Scene) -> float:
 
 
 def core_frames(scene: bpy.types.Scene, cue: bpy.types.Object, start_frame: int) -> range:
-    """The frames of the core that lie in a hand cue's range. Raises SceneError where there is none."""
+    """The frames of the core that a hand cue's range needs: between them lies every frame of the range.
+
+    Where the rates do not divide, a frame of the scene is between two of the core's: the hand is on its path at both.
+    Raises SceneError for a range that is none.
+    """
     first, last = cue.get(FIRST_FRAME_KEY), cue.get(LAST_FRAME_KEY)
     if not isinstance(first, int | float) or not isinstance(last, int | float):
         raise SceneError(f"{cue.name} does not say from which frame to which the hand follows it: place it again.")
@@ -78,9 +85,7 @@ def core_frames(scene: bpy.types.Scene, cue: bpy.types.Object, start_frame: int)
     if last - first > LONGEST * rate:
         raise SceneError(f"{cue.name} lasts {(last - first) / rate:.0f} s, more than {LONGEST:.0f}: shorten its range.")
     from_core, to_core = ((frame - start_frame) * CORE_RATE / rate for frame in (first, last))
-    # A range that is shorter than one frame of the core is that frame.
-    begin = math.ceil(from_core - 1e-6)
-    return range(begin, max(math.floor(to_core + 1e-6), begin) + 1)
+    return range(math.floor(from_core + 1e-6), math.ceil(to_core - 1e-6) + 1)
 
 
 @contextmanager

@@ -109,8 +109,8 @@ def test_a_constraint_and_a_driver_move_it_too(context, oncue, read, hand):
     cue.constraints.new("COPY_LOCATION").target = target
     (found,) = read()
     # A hundredth a frame of the scene, at 24 frames a second.
-    assert len(found["path"]) == 38
-    assert found["path"][:, 0] == pytest.approx(0.01 + 0.008 * np.arange(38), abs=1e-4)
+    assert len(found["path"]) == 39
+    assert found["path"][:, 0] == pytest.approx(0.01 + 0.008 * np.arange(39), abs=1e-4)
 
 
 @pytest.mark.parametrize("with_modifier", [False, True])
@@ -176,11 +176,75 @@ def test_bad_ranges_are_sentences(context, oncue, read, hand):
     refused("Right Hand stands at a place that is not a number")
 
 
-def test_a_range_within_one_frame_is_that_frame(context, read, hand):
-    context.scene.render.fps = 60
-    hand(first=4, last=4)
+@pytest.mark.parametrize(
+    ("rate", "frame", "core_frames"), [(60, 4, (1, 2)), (60, 5, (2,)), (24, 6, (6, 7)), (30, 4, (3,))]
+)
+def test_a_single_frame_is_the_cores_frames_beside_it(context, read, hand, rate, frame, core_frames):
+    context.scene.render.fps = rate
+    hand(first=frame, last=frame)
     (found,) = read()
-    assert (found["first_frame"], len(found["path"])) == (2, 1)
+    assert tuple(found["first_frame"] + np.arange(len(found["path"]))) == core_frames
+
+
+def someone_still(core, frames=60):
+    """Who stands with the arms hanging and the knees a little bent: root positions, rotations, contacts."""
+    names = list(core.skeleton()["names"])
+    root_positions = np.tile(np.float32([0, 0, 0.97]), (frames, 1))
+    rotations = np.zeros((frames, len(names), 4), np.float32)
+    rotations[..., 0] = 1
+    # Of 2.3 cm less than the legs' length.
+    knee = 2 * math.acos(1 - 0.023 / (2 * 0.444))
+    turns = {"LeftArm": (1, 1.2), "RightArm": (1, -1.2)}
+    for side in ("Left", "Right"):
+        turns |= {f"{side}UpLeg": (0, -knee / 2), f"{side}Leg": (0, knee), f"{side}Foot": (0, -knee / 2)}
+    for name, (axis, angle) in turns.items():
+        rotations[:, names.index(name), 0] = math.cos(angle / 2)
+        rotations[:, names.index(name), 1 + axis] = math.sin(angle / 2)
+    return root_positions, rotations, np.ones((frames, 2), np.float32)
+
+
+@pytest.mark.parametrize("rate", [24, 25, 30, 60])
+@pytest.mark.parametrize(("begins_s", "lasts_s"), [(1.0, 1.0), (1.9, 1.3), (3.2, 0.9)])
+def test_the_wrist_is_on_the_path_at_every_frame_of_the_range(
+    context, oncue, core, read, hand, rate, begins_s, lasts_s
+):
+    """Within the motion of two seconds, over its end and after it."""
+    start_frame = 37
+    context.scene.render.fps = rate
+    # An odd number of frames after the start: between two of the core's, but at its own rate.
+    first = start_frame + (round(begins_s * rate) | 1)
+    last = first + round(lasts_s * rate)
+    cue = hand("left_hand", first, last)
+    # It moves from before the range until after it, at a quarter of a metre a second.
+    rise = 0.125 * (lasts_s + 2.0)
+    key(cue, "location", {first - rate: (0.2, -0.35, 1.1 - rise), last + rate: (0.2, -0.35, 1.1 + rise)})
+    linear(oncue, cue)
+    still = someone_still(core)
+    manipulations = [{**entry, "path": entry["path"].tolist()} for entry in read(start_frame)]
+    edited = core.edit_motion(*still, manipulations=manipulations).result()
+    assert len(edited.root_positions) > len(still[0])
+    skeleton = core.skeleton()
+    character = oncue("bridge.armature").make_character(context, skeleton, 1.0)
+    oncue("bridge.action_writer").write_action(
+        context,
+        character,
+        list(skeleton["names"]),
+        oncue("motion").Motion(edited.root_positions, edited.rotations, 30.0),
+        name="Reach",
+        start_frame=start_frame,
+        metres_per_unit=1.0,
+    )
+    misses = []
+    for frame in range(first, last + 1):
+        context.scene.frame_set(frame)
+        depsgraph = context.evaluated_depsgraph_get()
+        posed = character.evaluated_get(depsgraph)
+        wrist = posed.matrix_world @ posed.pose.bones["LeftHand"].head
+        misses.append((wrist - cue.evaluated_get(depsgraph).matrix_world.translation).length)
+    assert max(misses) < 1e-3
+    # At the end the person stands as before.
+    assert (edited.rotations[-1] == still[1][-1]).all()
+    assert (edited.root_positions[-1] == still[0][-1]).all()
 
 
 def test_the_button(context, oncue):

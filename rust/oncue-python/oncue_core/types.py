@@ -37,7 +37,7 @@ class ManipulationCue(TypedDict):
     """φ_M: the path that a hand's joint follows, one place a frame (30 Hz), world, metres.
 
     `first_frame`: the motion's frame at which the hand is at the first place; without it, as soon as the action is
-    complete and the hand has got there.
+    complete and the hand has got there. It may lie after the motion's end: who stands or sits still waits for it.
     """
 
     name: str

@@ -85,7 +85,7 @@ pub struct ManipulationCue {
     /// Where the hand's joint is on each frame (30 Hz), world, metres.
     pub path: Vec<Vec3>,
     /// The motion's frame on which the hand is at the path's first place; without it that is as soon as the action is
-    /// complete and the hand has got there.
+    /// complete and the hand has got there. It may lie after the motion's end: who stands or sits still waits for it.
     #[serde(default)]
     pub first_frame: Option<usize>,
 }
