@@ -100,6 +100,16 @@ def gap_55() -> None:
     sit(0.3, 1.38, 0.45, -90)
 
 
+def gap_room() -> None:
+    """Two walls of cupboards with a gap of 55 cm, the only way: arms have to turn aside (rust/oncue/tests/gap.rs)."""
+    scene = new_scene()
+    f.floor(scene, (-3, -4), (3, 3))
+    for name, low, high in (("Cupboards Left", -3.0, -0.275), ("Cupboards Right", 0.275, 3.0)):
+        f.Piece(name).box((low, -0.9, 0), (high, -0.4, 1.9), "oak").link(scene)
+    start(0.5, -3.0, 59)
+    stop(0.3, 1.4, 70.4)
+
+
 def stool_alone() -> None:
     """A stool in the open, approached from behind."""
     scene = new_scene()
@@ -133,6 +143,7 @@ SCENES = {
     "demo_room": demo_room,
     "chair_row": chair_row,
     "gap_55": gap_55,
+    "gap_room": gap_room,
     "stool": stool_alone,
     "enclosed_seat": enclosed_seat,
     "stop": stop_by_table,

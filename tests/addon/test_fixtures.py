@@ -13,7 +13,7 @@ def read(oncue):
     return lambda: oncue("bridge.cue_reader").read_task(bpy.context)
 
 
-@pytest.mark.parametrize("name", ["demo_room", "chair_row", "gap_55", "stool", "enclosed_seat", "stop"])
+@pytest.mark.parametrize("name", ["demo_room", "chair_row", "gap_55", "gap_room", "stool", "enclosed_seat", "stop"])
 def test_each_scene_has_a_task_and_something_to_walk_on(fixtures, oncue, read, name):
     fixtures.SCENES[name]()
     task = read()
@@ -39,7 +39,7 @@ def test_the_core_accepts_what_can_be_done_and_names_what_cannot(fixtures, oncue
         meshes = oncue("bridge.scene_reader").read_scene(bpy.context)
         core.check_task(core.index_scene(meshes.positions, meshes.triangles).result(), read())
 
-    for name in ("demo_room", "chair_row", "gap_55", "stool", "stop"):
+    for name in ("demo_room", "chair_row", "gap_55", "gap_room", "stool", "stop"):
         check(name)
     with pytest.raises(core.InputError, match="Sit"):
         check("enclosed_seat")

@@ -1,8 +1,9 @@
 """The box edges of benches/scene.rs as rays through Embree, on one thread.
 
 Embree has no count of crossings. Two things are measured: whether an edge hits anything at all (less work than ours),
-and all of its hits by casting again from behind the last one until there is none, which is the count that r_coli
-needs. Edges were cut off under the height from which crossings count, so that a hit is a crossing.
+and all of its hits by casting again from behind the last one until there is none, which is what r_coli needs. So Embree
+sees one surface where two coincide, as where a table's leg meets its top: it is compared with the crossings that the
+bench found without such. Edges were cut off under the height from which crossings count, so that a hit is a crossing.
 """
 
 import numpy as np
@@ -10,8 +11,6 @@ from embreex import __version__, rtcore_scene
 from embreex.mesh_construction import TriangleMesh
 from work import Work, seconds, table
 
-#: The next cast begins so far behind a hit, metres.
-BEHIND = 1e-5
 #: Crossings that two rows of roundings may count differently: where an edge passes between two triangles, or its end
 #: or the height from which crossings count lies within a rounding of one.
 TOLERANCE = 0.005
@@ -21,6 +20,7 @@ def main() -> None:
     work = Work(__doc__)
     positions = work.floats("positions").reshape(-1, 3)
     triangles = work.counts("triangles").reshape(-1, 3).astype(np.int32)
+    behind = np.float32(work.facts["behind"])
     scene = None
 
     def build() -> None:
@@ -33,7 +33,7 @@ def main() -> None:
     title = work.facts["title"]
     built = seconds(build, 2)
     table(
-        f"{title}, {len(triangles)} triangles: build",
+        f"{title}: build",
         "s",
         [
             ("Oncue (tree, distance field, occupancy)", work.facts["build_seconds"]),
@@ -57,7 +57,7 @@ def main() -> None:
                 hits = scene.run(origins, directions, lengths, query="INTERSECT", output=True)
                 hit = hits["primID"] >= 0
                 total += int(hit.sum())
-                gone = hits["tfar"][hit] + np.float32(BEHIND)
+                gone = hits["tfar"][hit] + behind
                 origins = origins[hit] + gone[:, None] * directions[hit]
                 directions, lengths = directions[hit], lengths[hit] - gone
                 left = lengths > 0
@@ -74,10 +74,13 @@ def main() -> None:
                 ("Embree, all crossings by casting again", counted / frames * 1e6),
                 ("Embree, whether any", asked / frames * 1e6),
             ],
-            [f"crossings a frame: ours {ours['crossings'] / frames:.3f}, Embree {found / frames:.3f}"],
+            [
+                f"crossings a frame: ours {ours['crossings'] / frames:.3f}, "
+                f"without coinciding ones {ours['apart'] / frames:.3f}, Embree {found / frames:.3f}"
+            ],
         )
-        if abs(found - ours["crossings"]) > TOLERANCE * max(found, ours["crossings"]) + 10:
-            raise SystemExit(f"Embree counts {found} crossings, we {ours['crossings']}.")
+        if abs(found - ours["apart"]) > TOLERANCE * max(found, ours["apart"]) + 10:
+            raise SystemExit(f"Embree counts {found} crossings, we {ours['apart']}.")
 
 
 if __name__ == "__main__":

@@ -54,7 +54,7 @@ def main() -> None:
         if worst > 1e-4:
             raise SystemExit(f"Not the same search: {notes[-1]}")
     table(
-        f"{work.facts['title']}: {len(queries)} queries of {len(features)} × {len(weights)} numbers, one thread",
+        f"{work.facts['title']}: {len(queries)} queries of {len(features)} x {len(weights)} numbers, one thread",
         "µs a query",
         [
             ("Oncue", work.facts["microseconds"]),

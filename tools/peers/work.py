@@ -43,7 +43,7 @@ def table(title: str, unit: str, rows: list[tuple[str, float]], notes: list[str]
     print(f"\n  {title}")
     ours = rows[0][1]
     for name, figure in rows:
-        print(f"    {name:<44} {figure:12.4g} {unit:<10} {figure / ours:8.2f} ×")
+        print(f"    {name:<44} {figure:12.4g} {unit:<10} {figure / ours:8.2f} x")
     for note in notes:
         print(f"    {note}")
     print(flush=True)

@@ -9,12 +9,15 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use super::episode::{Environment, Episode, EpisodeEnd, Tally};
-use super::policy::{Draw, Policy, draw};
+use super::policy::{Draw, Policy, TYPE_COUNT, draw};
 use crate::error::Result;
 use crate::math::Planar;
 use crate::motion::{FRAME_RATE, Motion};
 use crate::nn::Activations;
 use crate::progress::Progress;
+
+/// How much of the last decision's a^offset stays where the way is narrowest: arms that are past something stay so.
+const HOLD: f32 = 0.8;
 
 /// The kept motion and its figures.
 #[derive(Debug, Clone)]
@@ -128,8 +131,12 @@ fn play_on(
         if decision == draws.len() {
             Policy::normalize(&mut state, map);
             let means = policy.means(&state, 1, &mut activations);
-            let mean: Vec<f32> = means.iter().zip(&observation.proposal).map(|(m, p)| m + p).collect();
-            draws.push(draw(&mean, observation.allowed, &log_std(environment, policy, episode), spread, rng));
+            let mut mean: Vec<f32> = means.iter().zip(&observation.proposal).map(|(m, p)| m + p).collect();
+            let mut log_std = policy.log_std.clone();
+            if spread > 0.0 {
+                vary_arms(environment, episode, draws.last(), &mut mean, &mut log_std);
+            }
+            draws.push(draw(&mean, observation.allowed, &log_std, spread, rng));
         }
         if let Some(end) = environment.step(episode, &observation, &draws[decision]).end {
             return end;
@@ -138,17 +145,29 @@ fn play_on(
     EpisodeEnd::TooLong
 }
 
-/// The policy's log standard deviations, with those of a^offset widened where the way is narrow: arms that hang free
-/// nearly everywhere are varied too little there for a rollout to take them past.
-fn log_std(environment: &Environment, policy: &Policy, episode: &Episode) -> Vec<f32> {
+/// Widens what rollouts try of a^offset where the way is narrow, and has it go on from what was drawn last: arms hang
+/// free nearly everywhere, so the policy by itself varies them too little for a rollout to take them past.
+fn vary_arms(
+    environment: &Environment,
+    episode: &Episode,
+    last: Option<&Draw>,
+    mean: &mut [f32],
+    log_std: &mut [f32],
+) {
     let settings = environment.settings;
-    let mut log_std = policy.log_std.clone();
-    let narrow = settings.kept.narrow_offset * environment.narrowness(episode);
-    if settings.signal.posture_offset && narrow > 0.0 {
-        let least = (narrow / settings.signal.offset_scale).ln();
-        log_std[settings.signal.future_size()..].iter_mut().for_each(|s| *s = s.max(least));
+    let wanted = settings.kept.narrow_offset;
+    if wanted <= 0.0 || !settings.signal.posture_offset {
+        return;
     }
-    log_std
+    let narrow = environment.narrowness(episode);
+    let offset = settings.signal.future_size();
+    let least = (narrow * wanted / settings.signal.offset_scale).ln();
+    log_std[offset..].iter_mut().for_each(|s| *s = s.max(least));
+    if let Some(last) = last {
+        for (mean, last) in mean[TYPE_COUNT + offset..].iter_mut().zip(&last.vector[offset..]) {
+            *mean += HOLD * narrow * (last - *mean);
+        }
+    }
 }
 
 /// One rollout from `start`: how it ended and its figures. `map`: [`super::policy::Normalizer::map`].
