@@ -79,8 +79,19 @@ fn check_start(scene: &SceneIndex, task: &Task) -> Result<()> {
             "Start ‘{name}’ stands inside furniture or a wall; move it to a free place on the floor."
         )));
     }
+    let room = scene.occupancy().clearance(xy);
+    if room < START_ROOM {
+        return Err(Error::input(format!(
+            "Start ‘{name}’ stands {:.0} cm from furniture or a wall, where a body does not fit; move it {:.0} cm away from it.",
+            100.0 * room,
+            100.0 * (START_ROOM - room) + 5.0
+        )));
+    }
     Ok(())
 }
+
+/// A person who stands nearer to something than this is in it, metres.
+const START_ROOM: f32 = 0.20;
 
 fn check_feet(cue: &ActionCue) -> Result<()> {
     for (foot, side) in cue.feet.iter().zip(["left", "right"]) {
