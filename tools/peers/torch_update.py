@@ -138,7 +138,7 @@ def main() -> None:
         change = (ours - then).norm()
         differs, rounding = ((now - ours).norm() / change).item(), ((now - again).norm() / change).item()
         notes.append(
-            f"the change of the {what} differs by {100 * differs:.2g} %, that after a rounding by {100 * rounding:.2g} %"
+            f"the change of the {what} differs by {100 * differs:.2g} %, after a rounding by {100 * rounding:.2g} %"
         )
         if not differs < 2 * rounding:
             raise SystemExit(f"PyTorch learns something else: {notes[-1]}")
