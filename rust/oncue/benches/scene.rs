@@ -27,8 +27,9 @@ use oncue::{ActionCue, ActionType, Progress};
 use peer::Work;
 use serde_json::json;
 
-/// Embree is asked again so far behind a hit, metres: it sees one of two surfaces that coincide.
-const BEHIND: f32 = 1e-5;
+/// Embree is asked again so far behind a hit, metres: nearer, rounding has it hit the same wall again and again. It sees
+/// one of two surfaces that coincide.
+const BEHIND: f32 = 1e-4;
 
 struct Mesh {
     positions: Vec<Vec3>,
