@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import copy
 import functools
+import hashlib
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import oncue_core
+from oncue_core import _native
 
 from .scenes import Rooms, random_start
 from .store import Store
@@ -45,9 +48,13 @@ class Bench:
 
     def key(self, experiment: str, library: str, **what: Any) -> dict[str, Any]:
         from_what = {"experiment": experiment, "library": self.libraries[library].checksum, "seed": self.seed}
-        prior = oncue_core.Policy.prior().origin
-        made = {"core": oncue_core.__version__, "prior": [prior["updates"], prior["environment_steps"]]}
-        return {**from_what, **made, **what}
+        return {**from_what, "core": core_fingerprint(), **what}
+
+
+@functools.cache
+def core_fingerprint() -> str:
+    """Of the compiled core with the policy and the manifold in it: another build is measured anew."""
+    return hashlib.sha256(Path(_native.__file__).read_bytes()).hexdigest()[:20]
 
 
 def measured(bench: Bench, experiment: str, library: str, scene, task, settings: dict[str, Any]) -> Row:
