@@ -91,7 +91,7 @@ fn check_start(scene: &SceneIndex, task: &Task) -> Result<()> {
 }
 
 /// A person who stands nearer to something than this is in it, metres.
-const START_ROOM: f32 = 0.20;
+const START_ROOM: f32 = 0.18;
 
 fn check_feet(cue: &ActionCue) -> Result<()> {
     for (foot, side) in cue.feet.iter().zip(["left", "right"]) {
