@@ -263,12 +263,15 @@ pub fn penetration_figures(
     let mut parts: BTreeMap<Limb, usize> = BTreeMap::new();
     for (frame, posture) in motion.postures.iter().enumerate() {
         let above = floor + ignore_below;
+        let pose = posture.pose();
+        // The paper's measure leaves nothing out; the seat is left out of the whole body's alone.
+        let all = scene.body_intersections(&pose, above);
         let counts = match seat.filter(|(from, _)| frame >= *from) {
-            Some((_, seat)) => scene.seated_intersections(&posture.pose(), above, seat),
-            None => scene.body_intersections(&posture.pose(), above),
+            Some((_, seat)) => scene.seated_intersections(&pose, above, seat),
+            None => all,
         };
         let of = |limb: Limb| -> u32 {
-            BODY_BOXES.iter().zip(&counts).filter(|(b, _)| b.limb == limb).map(|(_, c)| c).sum()
+            BODY_BOXES.iter().zip(&all).filter(|(b, _)| b.limb == limb).map(|(_, c)| c).sum()
         };
         let (in_legs, in_arms) = (of(Limb::Leg) >= 10, of(Limb::Arm) >= 7);
         legs += usize::from(in_legs);
