@@ -131,7 +131,10 @@ def main() -> None:
     took = seconds(update.learn)
     other = Update(work)
     other.round_otherwise()
-    other.learn()
+    threads = torch.get_num_threads()
+    # On a busy machine threads that wait for one another can take longer than one.
+    torch.set_num_threads(1)
+    alone = seconds(other.learn)
     notes = []
     for what, then, now, again in zip(("means", "values"), before, update.outputs(), other.outputs(), strict=True):
         ours = torch.from_numpy(work.floats(what)).reshape(now.shape)
@@ -149,7 +152,9 @@ def main() -> None:
         "s",
         [
             (f"Oncue, {facts['threads']} threads", facts["seconds"]),
-            (f"PyTorch {torch.__version__}, {torch.get_num_threads()} threads", took),
+            ("Oncue, 1 thread", facts["seconds_alone"]),
+            (f"PyTorch {torch.__version__}, {threads} threads", took),
+            (f"PyTorch {torch.__version__}, 1 thread", alone),
         ],
         notes,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -44,6 +45,9 @@ def table(title: str, unit: str, rows: list[tuple[str, float]], notes: list[str]
     ours = rows[0][1]
     for name, figure in rows:
         print(f"    {name:<44} {figure:12.4g} {unit:<10} {figure / ours:8.2f} x")
+    load, cores = os.getloadavg()[0], os.cpu_count()
+    if load > (cores or 1) + 0.5:
+        notes = [*notes, f"a busy machine: {load:.1f} processes on {cores} cores, so times say little"]
     for note in notes:
         print(f"    {note}")
     print(flush=True)

@@ -77,20 +77,25 @@ fn update(environment: &Environment, policy: &Policy, epochs: usize) {
     let environments = std::slice::from_ref(environment);
     let mut rollout = Rollout::new(environments, 1);
     let lap = Instant::now();
-    let mut tuples = rollout.gather(environments, policy, TUPLES, &Progress::new());
+    let tuples = rollout.gather(environments, policy, TUPLES, &Progress::new());
     let rolled = lap.elapsed().as_secs_f64();
     let work = Work::new(&format!("update-{epochs}-epochs"));
     if let Some(work) = &work {
         write_tuples(work, policy, &tuples, epochs);
     }
-    let (mut learnt_policy, mut ppo) = (policy.clone(), Ppo::new(policy, &settings, 1));
     let states = normalized(policy, &tuples.states);
-    let lap = Instant::now();
-    ppo.update(&mut learnt_policy, &mut tuples, &settings, &Progress::new()).expect("not cancelled");
-    let learnt = lap.elapsed().as_secs_f64();
+    let learn = |mut tuples: Tuples| {
+        let (mut learnt, mut ppo) = (policy.clone(), Ppo::new(policy, &settings, 1));
+        let lap = Instant::now();
+        ppo.update(&mut learnt, &mut tuples, &settings, &Progress::new()).expect("not cancelled");
+        (learnt, lap.elapsed().as_secs_f64())
+    };
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let (_, alone) = pool.install(|| learn(tuples.clone()));
+    let (learnt_policy, learnt) = learn(tuples.clone());
     let n = tuples.rewards.len();
     println!(
-        "update of {n} tuples, {epochs} epochs of {}: {:.2} s (rollout {rolled:.2} s, {:.0} environment steps/s; learning {learnt:.2} s)",
+        "update of {n} tuples, {epochs} epochs of {}: {:.2} s (rollout {rolled:.2} s, {:.0} environment steps/s; learning {learnt:.2} s, {alone:.2} s on one thread)",
         settings.batch,
         rolled + learnt,
         n as f64 / rolled,
@@ -102,7 +107,7 @@ fn update(environment: &Environment, policy: &Policy, epochs: usize) {
     work.floats("values", activations.output());
     let facts = json!({
         "ppo": settings, "policy_sizes": policy.policy.sizes, "value_sizes": policy.value.sizes,
-        "per_environment": tuples.per_environment, "seconds": learnt, "threads": rayon::current_num_threads(),
+        "per_environment": tuples.per_environment, "seconds": learnt, "seconds_alone": alone, "threads": rayon::current_num_threads(),
     });
     work.run("torch_update.py", &facts);
 }

@@ -20,7 +20,7 @@ const GROUP: usize = 32;
 const GROUPS: usize = 8;
 
 /// Tuples (s, a, r, …), time-major within each environment.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Tuples {
     /// As observed, not normalised.
     pub states: Vec<f32>,
