@@ -18,7 +18,9 @@ STATE = Path("/tmp/oncue-window/state.jsonl")
 PRESSES = STATE.with_name("presses.jsonl")
 #: A colour that nothing else in the window has, for finding the buttons: red, green, blue of 0..1.
 BUTTON_COLOR = (0.05, 0.42, 0.62, 1.0)
-#: From scratch, on a budget that takes some seconds, so that there is something to see and to cancel.
+#: Settings that the test asks for while Blender runs; taken up and removed by the next tick.
+OVERRIDES = STATE.with_name("overrides.json")
+#: From scratch, on a budget that takes some seconds, so that there is something to see.
 BUDGET = {
     "ppo": {"prior": False, "updates": 2, "tuples": 6000},
     "kept": {"rollouts": 64, "rounds": 1, "more_rounds": 0},
@@ -120,6 +122,9 @@ def watch():
             except TypeError:  # the tabs are there once the sidebar was drawn
                 return 0.2
             sidebar.tag_redraw()
+        if OVERRIDES.exists():
+            bpy.context.scene.oncue.overrides = OVERRIDES.read_text()
+            OVERRIDES.unlink()
         handle = extension("job_operator").handle
         run = handle.run
         progress = run.progress() if run else None
@@ -133,6 +138,7 @@ def watch():
             "fraction": progress.fraction if progress else 0.0,
             "message": handle.message,
             "following": extension("operators.follow").following.on,
+            "overrides": bpy.context.scene.oncue.overrides,
             "said": list(extension("panels").following_line(bpy.context)),
             "dragged": [operator.bl_idname for operator in bpy.context.window_manager.windows[0].modal_operators],
             "keys": keys() if run is None else "",

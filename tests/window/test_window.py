@@ -26,6 +26,13 @@ BUTTON_COLOR = (13, 107, 158)
 ESCAPES_WITHIN = 2.0
 #: What the operator itself may take of that, seconds.
 ANSWERS_WITHIN = 0.1
+#: From scratch and never content: still at work, on any machine, when the test has done what it does meanwhile.
+ENDLESS = {"ppo": {"prior": False, "updates": 1000, "tuples": 30000, "solved": 1.1}}
+#: As that, but over after some seconds more.
+LONG = {
+    "ppo": {"prior": False, "updates": 12, "tuples": 12000, "solved": 1.1},
+    "kept": {"rollouts": 64, "rounds": 1, "more_rounds": 0},
+}
 
 
 class Desktop:
@@ -128,10 +135,20 @@ class Desktop:
         self.do("xdotool", "sleep", "0.3", "key", "Return", "sleep", "0.3")
         self.key("shift+F5")
 
-    def start_a_run(self) -> dict:
-        """Presses Synthesize and waits until it optimizes; the state before."""
-        time.sleep(1)
-        before = self.states()[-1]
+    def forget_policies(self) -> None:
+        """So that the next run optimizes: a policy that was kept would be played."""
+        for kept in (self.root / "tmp/oncue-window/resources").rglob("*.oncuepolicy"):
+            kept.unlink()
+
+    def start_a_run(self, budget: dict) -> dict:
+        """Presses Synthesize with these settings and waits until it optimizes; the state before."""
+        self.forget_policies()
+        overrides = json.dumps(budget)
+        asked = self.state.with_name("overrides.asked")
+        asked.write_text(overrides)
+        asked.rename(self.state.with_name("overrides.json"))
+        since = time.time()
+        before = self.until("the settings", lambda s: s.get("overrides") == overrides, timeout=20, since=since)
         assert not before["at_work"]
         x, y = self.button()
         pressed = time.time()
@@ -223,9 +240,8 @@ def test_without_the_window_the_keys_are_the_same(desktop):
     pressed = [s["keys"] for s in desktop.states() if s["keys"]]
     assert pressed, "the button's run comes first"
     inside = "/tmp/oncue-window"
-    # Both from where the button's run began: a policy that was kept would be played by the second.
-    for kept in (desktop.root / "tmp/oncue-window/resources").rglob("*.oncuepolicy"):
-        kept.unlink()
+    # Both from where the button's run began.
+    desktop.forget_policies()
     batch = ["--python-exit-code", "1", "-P", f"{inside}/sources/addon/batch.py", "--"]
     written = ["--out", f"{inside}/batch/out.blend", "--report", f"{inside}/batch/out.json", "--seed", "1"]
     said = desktop.do("blender", "-b", f"{inside}/scene.blend", *batch, *written, timeout=600)
@@ -253,7 +269,7 @@ def unchanged(before: dict, after: dict) -> bool:
 
 
 def test_escape_cancels_and_leaves_the_file_as_it_was(desktop):
-    before = desktop.start_a_run()
+    before = desktop.start_a_run(ENDLESS)
     escaped = desktop.key("Escape")
     stopped = desktop.until("the cancel", lambda s: not s["at_work"], timeout=20, since=escaped)
     presses = [json.loads(line) for line in desktop.state.with_name("presses.jsonl").read_text().splitlines()]
@@ -271,7 +287,7 @@ def test_escape_cancels_and_leaves_the_file_as_it_was(desktop):
 
 
 def test_an_undo_stops_the_run_and_undoes(desktop):
-    before = desktop.start_a_run()
+    before = desktop.start_a_run(ENDLESS)
     assert before["actions"], "the button's run comes first"
     assert before["frame"] > 1, "the last step was the jump to the last frame"
     pressed = desktop.key("ctrl+z")
@@ -285,7 +301,7 @@ def test_an_undo_stops_the_run_and_undoes(desktop):
 
 
 def test_saving_does_not_disturb_the_run(desktop):
-    desktop.start_a_run()
+    desktop.start_a_run(LONG)
     pressed = desktop.key("ctrl+s")
     desktop.until("the saved file", lambda s: s["file"], timeout=20, since=pressed)
     assert desktop.states()[-1]["at_work"]
@@ -294,11 +310,12 @@ def test_saving_does_not_disturb_the_run(desktop):
 
 
 def test_opening_a_file_stops_the_run(desktop):
-    before = desktop.start_a_run()
+    before = desktop.start_a_run(ENDLESS)
     pressed = time.time()
     desktop.write("bpy.ops.wm.revert_mainfile()")
-    opened = desktop.until("the file", lambda s: s["enabled"] and s["file"] and not s["at_work"], since=pressed)
+    opened = desktop.until("the end of the run", lambda s: s["enabled"] and not s["at_work"], since=pressed)
     assert "another file" in opened["message"]
+    assert opened["file"]
     # As it was saved: without the run that came after it.
     assert len(opened["actions"]) == len(before["actions"]) - 1
     time.sleep(2)
@@ -306,7 +323,7 @@ def test_opening_a_file_stops_the_run(desktop):
 
 
 def test_disabling_the_extension_stops_the_run(desktop):
-    desktop.start_a_run()
+    desktop.start_a_run(ENDLESS)
     pressed = time.time()
     desktop.write("bpy.ops.preferences.addon_disable(module='bl_ext.user_default.oncue')")
     desktop.until("the disabling", lambda s: not s["enabled"], timeout=30, since=pressed)

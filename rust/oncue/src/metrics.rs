@@ -190,11 +190,9 @@ pub struct SpeedFigures {
     pub fastest: f32,
 }
 
-/// Percentile of each joint's turn from frame to frame, radians. `part` in 0..=1; motions of one frame count for nothing.
-pub fn joint_turns<'a>(
-    pairs: impl Iterator<Item = (&'a Posture, &'a Posture)>,
-    part: f64,
-) -> [f32; JOINT_COUNT] {
+/// Percentile of each joint's turn from frame to frame, radians: the hips' in the world, the others' in their parents'
+/// frames. `part` in 0..=1; motions of one frame count for nothing.
+pub fn joint_turns(pairs: impl Iterator<Item = (Posture, Posture)>, part: f64) -> [f32; JOINT_COUNT] {
     let mut turns: [Vec<f32>; JOINT_COUNT] = Default::default();
     for (before, after) in pairs {
         for (joint, turns) in turns.iter_mut().enumerate() {
@@ -211,7 +209,7 @@ pub fn joint_turns<'a>(
 pub fn speed_figures(motion: &Motion, library: &[f32; JOINT_COUNT]) -> SpeedFigures {
     let postures = &motion.postures;
     let mut figures = SpeedFigures::default();
-    let most = joint_turns(postures.iter().zip(postures.iter().skip(1)), 1.0);
+    let most = joint_turns(postures.iter().copied().zip(postures.iter().skip(1).copied()), 1.0);
     for (joint, (most, usual)) in Joint::ALL.into_iter().zip(most.iter().zip(library)) {
         let ratio = most / usual.max(1e-4);
         if ratio > figures.joint_ratio {
@@ -341,7 +339,7 @@ mod tests {
         for posture in &mut motion.postures[3..] {
             posture.rotations[Joint::LeftLeg.index()] = glam::Quat::from_rotation_x(0.1);
         }
-        let turns = joint_turns(motion.postures.iter().zip(&motion.postures[1..]), 1.0);
+        let turns = joint_turns(motion.postures.windows(2).map(|w| (w[0], w[1])), 1.0);
         assert!((turns[Joint::LeftLeg.index()] - 0.1).abs() < 1e-5 && turns[0] < 1e-5);
         let figures = speed_figures(&motion, &[0.05; JOINT_COUNT]);
         assert!((figures.joint_ratio - 2.0).abs() < 1e-3 && figures.fastest_joint == Some(Joint::LeftLeg));

@@ -101,8 +101,11 @@ fn largest_changes(done: &Synthesis) -> (f32, f32) {
 
 #[test]
 fn walks_round_the_table_and_sits() {
-    // Not every seed: in about one of five a planted foot slips 1.5 to 2 cm in a single frame.
-    let done = run(&task(ActionType::Sit), 1);
+    (1..=8).for_each(walks_and_sits);
+}
+
+fn walks_and_sits(seed: u64) {
+    let done = run(&task(ActionType::Sit), seed);
     let report = &done.report;
     assert!(report.success, "{:?}", report.problems);
     assert!(report.cues[0].pelvis_cm < 10.0 && report.cues[0].facing_degrees < 20.0, "{:?}", report.cues);
@@ -116,6 +119,7 @@ fn walks_round_the_table_and_sits() {
     // 0.45 rad a frame is 13 rad/s, a brisk knee; a pop shows as a change of speed of that order.
     assert!(speed < 0.45 && change < 0.30, "{speed} {change}");
     assert!(report.path_m < 1.5 * report.shortest_path_m);
+    assert!(report.speed.joint_ratio < 1.25, "seed {seed}: {:?}", report.speed);
 }
 
 #[test]

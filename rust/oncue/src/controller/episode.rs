@@ -64,6 +64,8 @@ pub struct Tally {
     pub transition: f32,
     pub worst_transition: f32,
     pub transitions: usize,
+    /// The fastest turn of a leg's joint, see [`Character::leg_speed`].
+    pub leg_speed: f32,
     /// Metres the root travelled.
     pub travelled: f32,
     /// Squared radians of posture offset, summed.
@@ -291,6 +293,7 @@ impl<'a> Environment<'a> {
         tally.frames += 1;
         tally.travelled += step;
         tally.offset += character.offset_distance;
+        tally.leg_speed = tally.leg_speed.max(character.leg_speed);
         let (legs, arms): (u32, u32) = (counts[..4].iter().sum(), counts[4..8].iter().sum());
         tally.penetrating += usize::from(legs >= 10 || arms >= 7);
         tally.touching += usize::from(counts.iter().any(|c| *c > 0));

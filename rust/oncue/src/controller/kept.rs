@@ -66,7 +66,7 @@ pub fn keep_motion(
             .into_par_iter()
             .filter(|_| !progress.is_cancelled())
             .map(|i| {
-                let own = seed.wrapping_add(1 + i + ((round as u64) << 32));
+                let own = rollout_seed(seed, round as u64, i);
                 let Some(branch) = best.get(i as usize % best.len().max(1)) else {
                     // The first is the policy's mean.
                     return play(environment, policy, &map, own, &[], own, if i == 0 { 0.0 } else { 0.8 });
@@ -95,6 +95,17 @@ pub fn keep_motion(
         succeeded,
         episode,
     })
+}
+
+/// The seed of a rollout's own draws. Mixed, so that neighbouring seeds of a request share no rollouts (SplitMix64's
+/// finalizer; Steele, Lea and Flood 2014).
+fn rollout_seed(seed: u64, round: u64, rollout: u64) -> u64 {
+    let mix = |mut z: u64| {
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    };
+    mix(mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15)) ^ (round << 32 | rollout))
 }
 
 fn play(
@@ -216,7 +227,26 @@ fn cost(environment: &Environment, end: EpisodeEnd, episode: &Episode) -> f32 {
         + 0.01 * tally.crossings as f32
         + 1.5 * tally.worst_transition
         + 0.15 * tally.transition
+        + 4.0 * (tally.leg_speed - 1.0).max(0.0)
         + 0.8 * (tally.travelled - shortest).max(0.0)
         + 0.25 * seconds
         + 0.02 * tally.offset / FRAME_RATE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_two_rollouts_share_their_draws() {
+        let mut seeds: Vec<u64> = (0..20)
+            .flat_map(|seed| {
+                (0..12).flat_map(move |round| (0..128).map(move |i| rollout_seed(seed, round, i)))
+            })
+            .collect();
+        let count = seeds.len();
+        seeds.sort_unstable();
+        seeds.dedup();
+        assert_eq!(seeds.len(), count);
+    }
 }

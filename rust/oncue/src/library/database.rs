@@ -107,7 +107,9 @@ impl MotionDatabase {
             .iter()
             .zip(frames.iter().skip(1))
             .filter(|(a, _)| a.remaining > 0 && a.label != ActionLabel::Other);
-        let usual_turns = joint_turns(matched.map(|(a, b)| (&a.posture, &b.posture)), 0.999);
+        // Both are carried to the origin: the way from one to the other is put back, or the hips would never turn round.
+        let pairs = matched.map(|(a, b)| (a.posture, b.posture.moved(Planar::default(), a.step)));
+        let usual_turns = joint_turns(pairs, 0.999);
         let mut database = Self {
             library_checksum: library.checksum(),
             frames,

@@ -3,19 +3,24 @@
 //! The clip's toes and foot rotations are followed directly, not through the inertialised chain
 //! above them: a planted foot of the clip is then planted in the result whatever the pelvis does.
 //! What remains of the difference (transitions, alignment, the root's glide) is absorbed by holding
-//! the toe in place while it is in contact and letting go of it in the swing.
+//! the toe in place while it is in contact and letting go of it in the swing. Where no swing comes in
+//! time, the foot takes a small step of its own.
 
 use glam::{Quat, Vec2, Vec3};
 
 use super::inertia::Inertia;
+use super::{FRAME_TIME, slowed_down};
 use crate::library::database::DatabaseFrame;
 use crate::math::Planar;
 use crate::math::rotation::{from_angle_axis, to_angle_axis};
 use crate::motion::skeleton::{JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT};
-use crate::motion::{FRAME_RATE, Joint, Pose, Posture};
+use crate::motion::{FRAME_RATE, JOINT_COUNT, Joint, Pose, Posture};
 
-/// A held toe is let go when the clip's toe is this far from it, metres.
-const LET_GO: f32 = 0.16;
+/// A held toe takes a step when the clip's toe is this far from it, metres.
+const STEP_FROM: f32 = 0.16;
+/// How long that step takes, seconds, and how high the foot rises, metres.
+const STEP_TIME: f32 = 0.3;
+const STEP_HEIGHT: f32 = 0.05;
 const HALF_LIFE: f32 = 0.075;
 /// Longest reach of a leg as a share of its full length: the knee keeps some 8° of flexion.
 const REACH: f32 = 0.9975;
@@ -38,6 +43,8 @@ pub(super) struct Foot {
     held: Option<Vec2>,
     /// Where the toe came to stand because the leg could not reach the held place, in the last frame.
     dragged: Option<Vec2>,
+    /// Seconds into a step of its own.
+    stepping: Option<f32>,
     last_toe: Vec3,
 }
 
@@ -46,6 +53,13 @@ impl Foot {
     fn clip_toe(planar: &Planar, frame: &DatabaseFrame, side: usize) -> Vec3 {
         let toe = frame.toe[side];
         planar.point_to_world(toe.truncate()).extend(toe.z)
+    }
+
+    /// Of a character that appears in `frame`: a planted toe is held from the first.
+    pub(super) fn standing(planar: &Planar, frame: &DatabaseFrame, side: usize) -> Self {
+        let toe = Self::clip_toe(planar, frame, side);
+        let held = (frame.contact[side] >= 1.0).then(|| toe.truncate());
+        Self { held, last_toe: toe, ..Self::default() }
     }
 
     pub(super) fn transition(
@@ -70,23 +84,36 @@ impl Foot {
         self.last_toe = Self::clip_toe(planar, new, side);
     }
 
+    /// Whether the toe is held in place.
+    pub(super) fn stands(&self) -> bool {
+        self.held.is_some() && self.dragged.is_none()
+    }
+
+    /// Whether the joint belongs to a leg.
+    pub(super) fn moves(joint: Joint) -> bool {
+        CHAIN.iter().flatten().any(|j| *j == joint)
+    }
+
     /// One frame on; `frame` is the frame now shown.
-    pub(super) fn step(&mut self, planar: &Planar, frame: &DatabaseFrame, side: usize) {
+    pub(super) fn step(&mut self, planar: &Planar, frame: &DatabaseFrame, side: usize, other_stands: bool) {
         let clip = Self::clip_toe(planar, frame, side);
-        let planted = frame.contact[side] >= 1.0;
-        if let (Some(held), Some(dragged)) = (&mut self.held, self.dragged.take()) {
+        let dragged = self.dragged.take();
+        if let (Some(held), Some(dragged)) = (&mut self.held, dragged) {
             *held = dragged;
         }
+        self.stepping = self.stepping.map(|t| t + FRAME_TIME).filter(|t| *t < STEP_TIME);
+        let planted = frame.contact[side] >= 1.0 && self.stepping.is_none();
         if let Some(held) = self.held {
             let offset = held - clip.truncate();
-            let far = offset.length() > LET_GO;
-            if planted && !far {
-                self.toe.offset = offset.extend(self.toe.offset.z);
+            self.toe.offset = offset.extend(self.toe.offset.z);
+            if planted && other_stands && (offset.length() > STEP_FROM || dragged.is_some()) {
+                self.stepping = Some(FRAME_TIME);
+            }
+            if planted && self.stepping.is_none() {
                 self.toe.velocity = Vec3::new(0.0, 0.0, self.toe.velocity.z);
             } else {
                 // The shown toe stood still: its offset begins by undoing the clip's own velocity.
                 let velocity = -((clip - self.last_toe) * FRAME_RATE).truncate();
-                self.toe.offset = offset.extend(self.toe.offset.z);
                 self.toe.velocity = velocity.extend(self.toe.velocity.z);
                 self.toe.limit_velocity();
                 self.held = None;
@@ -94,7 +121,7 @@ impl Foot {
         }
         if self.held.is_none() {
             self.toe.step(HALF_LIFE);
-            if planted {
+            if planted && self.stepping.is_none() {
                 self.held = Some(clip.truncate() + self.toe.offset.truncate());
             }
         } else {
@@ -108,9 +135,13 @@ impl Foot {
         self.last_toe = clip;
     }
 
-    /// The contact that is shown: a foot that is dragged or was let go is not planted.
+    /// The contact that is shown: a foot that steps or is dragged is not planted.
     pub(super) fn contact(&self, clip: f32) -> f32 {
-        if clip >= 1.0 && (self.held.is_none() || self.dragged.is_some()) { 0.5 } else { clip }
+        match (self.stepping, self.stands()) {
+            (Some(_), _) => 0.0,
+            (None, false) if clip >= 1.0 => 0.5,
+            _ => clip,
+        }
     }
 
     /// Bends the leg so that the toe stands where it should.
@@ -125,6 +156,9 @@ impl Foot {
     ) {
         let [thigh, shin, foot, toe] = CHAIN[side].map(Joint::index);
         let mut target = Self::clip_toe(planar, frame, side) + self.toe.offset;
+        let lifted =
+            self.stepping.map_or(0.0, |t| STEP_HEIGHT * (std::f32::consts::PI * t / STEP_TIME).sin());
+        target.z += lifted;
         // Never under the floor: a toe's joint may sink no lower than when it stands flat.
         target.z = target.z.max(TOE_HEIGHT.min(frame.toe[side].z)) + floor;
         let mut rotation = from_angle_axis(self.turn.offset) * planar.rotation() * frame.foot_rotation[side];
@@ -146,7 +180,9 @@ impl Foot {
             ankle = ankle_of(rotation);
             if ankle.distance(hip) > longest + 1e-3 {
                 ankle = hip + (ankle - hip).clamp_length_max(longest);
-                self.dragged = Some((ankle + rotation * JOINT_OFFSET[toe]).truncate());
+                if self.held.is_some() {
+                    self.dragged = Some((ankle + rotation * JOINT_OFFSET[toe]).truncate());
+                }
             }
         }
         let down = (ankle - hip).normalize_or(Vec3::NEG_Z);
@@ -176,5 +212,47 @@ impl Foot {
         for joint in [thigh, shin, foot, toe] {
             pose.place(posture, joint);
         }
+    }
+
+    /// Slows a leg that swings down to the library's own turns; its toe follows.
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn slow_down(
+        &mut self,
+        planar: &Planar,
+        last: &Posture,
+        frame: &DatabaseFrame,
+        usual_turns: &[f32; JOINT_COUNT],
+        floor: f32,
+        side: usize,
+        posture: &mut Posture,
+        pose: &mut Pose,
+    ) {
+        if self.held.is_some() {
+            return;
+        }
+        let mut slower = *posture;
+        let mut slowed = false;
+        for joint in CHAIN[side].map(Joint::index) {
+            if let Some(rotation) =
+                slowed_down(last.rotations[joint], posture.rotations[joint], usual_turns[joint])
+            {
+                slower.rotations[joint] = rotation;
+                slowed = true;
+            }
+        }
+        if !slowed {
+            return;
+        }
+        let mut placed = *pose;
+        for joint in CHAIN[side].map(Joint::index) {
+            placed.place(&slower, joint);
+        }
+        let toe = placed.position(Joint::TOES[side]);
+        if toe.z < floor + TOE_HEIGHT.min(frame.toe[side].z) - 1e-3 {
+            return;
+        }
+        (*posture, *pose) = (slower, placed);
+        let missing = toe - Vec3::Z * floor - Self::clip_toe(planar, frame, side);
+        self.toe.offset = missing.truncate().extend(self.toe.offset.z);
     }
 }

@@ -8,6 +8,9 @@ use super::FRAME_TIME;
 /// 4 ln 2: a critically damped spring's damping is this over the half-life.
 const DAMPING: f32 = 2.772_588_7;
 
+/// However far apart two postures are, seconds: a transition is over before the next but one.
+const LONGEST_HALF_LIFE: f32 = 0.35;
+
 /// An offset (radians or metres) that dies away without a jump in value or velocity.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Inertia {
@@ -25,6 +28,12 @@ impl Inertia {
     pub fn limit_velocity(&mut self) {
         self.velocity = self.velocity.clamp_length_max(8.0);
     }
+}
+
+/// The half-life, `shortest` or longer, with which an offset of `angle` radians dies away no faster than `speed` radians
+/// a second: a critically damped spring let go at x0 is fastest at x0 y / e.
+pub fn half_life(angle: f32, speed: f32, shortest: f32) -> f32 {
+    (DAMPING / 2.0 / std::f32::consts::E * angle / speed.max(1e-3)).clamp(shortest, LONGEST_HALF_LIFE)
 }
 
 /// Moves `value` towards `target` by one frame of a critically damped spring.

@@ -33,12 +33,16 @@ pub const OFFSET_JOINTS: [Joint; 4] =
 /// a^offset: an angle-axis vector (radians, in the joint's own frame) for each of [`OFFSET_JOINTS`].
 pub type PostureOffset = [Vec3; OFFSET_JOINTS.len()];
 
-/// How fast a transition's difference dies away, seconds for half of it.
+/// How fast a transition's difference dies away at the fastest, seconds for half of it.
 const HALF_LIFE: f32 = 0.085;
+/// …and slower where a joint would turn by more than this share of what the library's own turns: the clip turns it too.
+const TRANSITION_SHARE: f32 = 0.6;
 /// The same for the root's velocity.
 const ROOT_HALF_LIFE: f32 = 0.10;
 /// The same for a new posture offset.
 const OFFSET_HALF_LIFE: f32 = 0.12;
+/// Share of the hips' fastest turn in the library that the heading may take of it; the rest is for their tilt.
+const TURN_SHARE: f32 = 0.97;
 
 /// Everything S knows of the character at frame t.
 #[derive(Debug, Clone)]
@@ -58,7 +62,10 @@ pub struct Character {
     pub floor: f32,
     /// Squared distance (radians²) of m_t from m̂_t over the offset joints, for R_reg.
     pub offset_distance: f32,
+    /// The fastest turn of a leg's joint in this frame over the 99.9th percentile of the library's; all others keep to it.
+    pub leg_speed: f32,
     joints: [Inertia; JOINT_COUNT],
+    half_lives: [f32; JOINT_COUNT],
     height: Inertia,
     drift: InertiaVec2,
     spin: f32,
@@ -84,11 +91,13 @@ impl Character {
             contact: source.contact,
             floor,
             offset_distance: 0.0,
+            leg_speed: 0.0,
             joints: [Inertia::default(); JOINT_COUNT],
+            half_lives: [HALF_LIFE; JOINT_COUNT],
             height: Inertia::default(),
             drift: InertiaVec2::default(),
             spin: 0.0,
-            feet: Default::default(),
+            feet: [0, 1].map(|side| Foot::standing(&start, source, side)),
             offset: [Vec3::ZERO; OFFSET_JOINTS.len()],
             offset_velocity: [Vec3::ZERO; OFFSET_JOINTS.len()],
             alignment: None,
@@ -129,6 +138,8 @@ impl Character {
             inertia.velocity +=
                 velocity(&old.posture, &old_next.posture) - velocity(&new.posture, &new_next.posture);
             inertia.limit_velocity();
+            let speed = TRANSITION_SHARE * database.usual_turns[joint] * FRAME_RATE;
+            self.half_lives[joint] = inertia::half_life(inertia.offset.length(), speed, HALF_LIFE);
         }
         self.height.offset.z += old.posture.root_position.z - new.posture.root_position.z;
         self.height.velocity.z += (old_next.posture.root_position.z
@@ -156,6 +167,7 @@ impl Character {
     pub fn advance(&mut self, database: &MotionDatabase, offset: &PostureOffset) {
         let source = &database.frames[self.frame];
         self.before = self.pose;
+        let before = self.planar;
         self.planar = self.planar.compose(source.step);
         self.planar.position += self.drift.step(ROOT_HALF_LIFE);
         self.planar.yaw = wrap_angle(self.planar.yaw + self.spin * FRAME_TIME);
@@ -166,17 +178,70 @@ impl Character {
         if let Some(alignment) = &mut self.alignment {
             alignment.step(database, self.frame, &mut self.planar, self.floor);
         }
-        for inertia in &mut self.joints {
-            inertia.step(HALF_LIFE);
+        let turn = wrap_angle(self.planar.yaw - before.yaw);
+        let most = TURN_SHARE * database.usual_turns[Joint::Hips.index()];
+        self.planar.yaw = wrap_angle(before.yaw + turn.clamp(-most, most));
+        for (inertia, half_life) in self.joints.iter_mut().zip(&self.half_lives) {
+            inertia.step(*half_life);
         }
         self.height.step(HALF_LIFE);
         for ((shown, velocity), target) in self.offset.iter_mut().zip(&mut self.offset_velocity).zip(offset) {
             inertia::spring(shown, velocity, *target, OFFSET_HALF_LIFE);
         }
         for side in 0..2 {
-            self.feet[side].step(&self.planar, &database.frames[self.frame], side);
+            let other_stands = self.feet[1 - side].stands();
+            self.feet[side].step(&self.planar, &database.frames[self.frame], side, other_stands);
         }
+        let last = self.posture;
         self.pose_from(database);
+        self.slow_down(&last, database);
+    }
+
+    /// No joint turns faster than the library's own do (its 99.9th percentile): what is missing stays in its offset, to be
+    /// caught up with. A leg that stands follows the pelvis as fast as it must.
+    fn slow_down(&mut self, last: &Posture, database: &MotionDatabase) {
+        let source = &database.frames[self.frame];
+        let mut slowed = false;
+        for joint in Joint::ALL.into_iter().filter(|j| *j != Joint::Hips && !Foot::moves(*j)) {
+            let at = joint.index();
+            let Some(rotation) =
+                slowed_down(last.rotations[at], self.posture.rotations[at], database.usual_turns[at])
+            else {
+                continue;
+            };
+            slowed = true;
+            self.posture.rotations[at] = rotation;
+            let offset = OFFSET_JOINTS.iter().position(|j| *j == joint);
+            let offset = offset.map_or(Quat::IDENTITY, |j| from_angle_axis(self.offset[j]));
+            let shown = rotation * offset.inverse();
+            self.joints[at].offset = to_angle_axis(shown * source.posture.rotations[at].inverse());
+        }
+        if slowed {
+            for joint in Joint::ALL.into_iter().filter(|j| *j != Joint::Hips && !Foot::moves(*j)) {
+                self.pose.place(&self.posture, joint.index());
+            }
+        }
+        for side in 0..2 {
+            let planar = &self.planar;
+            self.feet[side].slow_down(
+                planar,
+                last,
+                source,
+                &database.usual_turns,
+                self.floor,
+                side,
+                &mut self.posture,
+                &mut self.pose,
+            );
+        }
+        self.leg_speed = (1..JOINT_COUNT)
+            .filter(|j| Foot::moves(Joint::ALL[*j]))
+            .map(|j| {
+                // Twice the arc sine of the half angle's sine, by its square.
+                let dot = last.rotations[j].dot(self.posture.rotations[j]);
+                2.0 * (1.0 - dot * dot).max(0.0).sqrt().min(1.0).asin() / database.usual_turns[j].max(1e-4)
+            })
+            .fold(0.0, f32::max);
     }
 
     /// Recomputes m_t from the database frame and everything laid over it.
@@ -211,6 +276,18 @@ impl Character {
     pub fn until_complete(&self, database: &MotionDatabase) -> Option<usize> {
         self.alignment.as_ref().map(|_| usize::from(database.frames[self.frame].until_complete))
     }
+}
+
+/// `to`, or as much of the way there from `from` as `most` radians are; `None` where that is all of it.
+fn slowed_down(from: Quat, to: Quat, most: f32) -> Option<Quat> {
+    // Half the angle's cosine rules out nearly all without an arc function.
+    if from.dot(to).abs() >= (0.5 * most).cos() {
+        return None;
+    }
+    // A thousandth less, for what rounding adds.
+    let most = 0.999 * most;
+    let turn = to_angle_axis(to * from.inverse());
+    Some(normalize(from_angle_axis(turn.clamp_length_max(most)) * from))
 }
 
 fn normalize(q: Quat) -> Quat {
