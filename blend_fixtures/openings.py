@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -19,6 +19,8 @@ import numpy as np
 ON_A_TABLE, TABLE = 0.08, 0.74
 #: How far from the middle of the hand's way the body stands or sits, metres.
 AN_ARM_AWAY = 0.42
+#: The share of its range to which a door is pulled by who stands before it.
+PULLED = 0.55
 #: The stool of who sits, and how high the pelvis joint is over a seat.
 SEAT, PELVIS_OVER_SEAT = 0.45, 0.10
 #: The table: its middle on the floor, and its width and depth.
@@ -45,6 +47,16 @@ class Opening:
     def seated(self) -> bool:
         return self.lift > 0.0
 
+    @property
+    def swings(self) -> bool:
+        """Whether it turns about an upright hinge."""
+        return not self.slides and abs(self.axis[2]) > 0.5
+
+    def by_hand(self) -> Opening:
+        """Opened no farther than who stands before it pulls: beyond that the face that the hand holds turns away from the
+        person, who would let go or walk along."""
+        return replace(self, most=self.most * PULLED) if self.swings else self
+
     def held(self, values: np.ndarray) -> np.ndarray:
         """Where the contact point is at values of the joint, (n, 3)."""
         values = np.asarray(values, dtype=float)[:, None]
@@ -67,20 +79,19 @@ class Opening:
         if self.seated:
             # Room for the knees before the table: who sits down comes from the side.
             return np.array([middle[0], self._way[:, 1].min() - 0.50, 0.0]), math.pi / 2
-        swings = not self.slides and abs(self.axis[2]) > 0.5
         away = np.array([0.0, -1.0, 0.0])
-        if swings:
+        if self.swings:
             away = (middle - self.origin) * (1.0, 1.0, 0.0)
             away /= np.linalg.norm(away)
         reach = ((self._way - self.origin) @ away).max() - (middle - self.origin) @ away
-        place = middle + away * max(AN_ARM_AWAY, reach + 0.22 if swings else 0.0)
+        place = middle + away * max(AN_ARM_AWAY, reach + 0.22 if self.swings else 0.0)
         return place * (1.0, 1.0, 0.0), math.atan2(-away[1], -away[0])
 
     def begin(self) -> np.ndarray:
         """Where on the floor one sets out: behind where one stands, or beside where one sits."""
         place, heading = self.stand()
         if self.seated:
-            return place + (1.0, -1.0, 0.0)
+            return place + np.array([1.0, -1.0, 0.0])
         return place - 1.4 * np.array([math.cos(heading), math.sin(heading), 0.0])
 
 
