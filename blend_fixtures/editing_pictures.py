@@ -4,7 +4,7 @@
     python blend_fixtures/editing_pictures.py openings --data DATA --work FOLDER --out sheet.jpg
         what a hand opens: Oncue's edit, and plain inverse kinematics of arm and spine
     python blend_fixtures/editing_pictures.py seats --data DATA --work FOLDER --out sheet.jpg
-        seats of the rooms: the controller's motion as it ends, and fitted
+        seats of the rooms: fitted to the cue as its table has it, and to one that the controller did not aim at
 
 DATA holds `objects/objects.tsv` and `rooms/rooms.tsv`. Needs oncue_core beside the bpy module.
 """
@@ -24,9 +24,9 @@ sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve
 
 import make_fixtures  # noqa: E402
 from articulated import object_task  # noqa: E402
-from cameras import BODY, SEAT, Sight  # noqa: E402
+from cameras import BODY, Sight  # noqa: E402
 from openings import read_openings  # noqa: E402
-from render import SHEET_SIZE, _pixels, _stamp, _write_pixels, aim, draw, prepare  # noqa: E402
+from render import SHEET_SIZE, aim, draw, prepare, read_pixels, stamp, write_pixels  # noqa: E402
 from walk import read_walk  # noqa: E402
 
 import addon  # noqa: E402
@@ -40,8 +40,8 @@ SEATS = (
     *(("quest_office_small", "2"), ("sh3d_Studio", "2"), ("sh3d_Studio", "4")),
     *(("sh3d_2BedroomApartment", "1"), ("sh3d_3BedroomApartment", "3"), ("sh3d_1BedroomApartmentWithRoundWall", "3")),
 )
-#: What is asked of a seat beside what its table asks: metres ahead, to the left and up, and radians.
-MOVED, TURNED = (0.06, 0.05, 0.04), 0.2
+#: What is asked of a seat beside what its table asks: metres ahead and to the left, and radians.
+MOVED, TURNED = (0.06, 0.05), 0.2
 #: Pairs side by side in a sheet.
 PAIRS = {"openings": 2, "seats": 3}
 
@@ -85,13 +85,13 @@ def opening_actions(core) -> list[tuple[str, bpy.types.Action]]:
 
 
 def seat_actions() -> list[tuple[str, bpy.types.Action]]:
-    """The controller's motion towards the cue as it was, and the same fitted to the cue that was moved."""
+    """The controller's motion towards the cue, fitted to it, and to the cue moved and turned."""
     context = bpy.context
     request, skipped = session.read_request(context)
     before = outcome_of(replace(request, overrides={"editor": {"fit": False}}))
     made, task, core = before.synthesis, dict(request.task), pipeline.native.require()
-    yaw, (ahead, left, up) = float(task["cue"]["yaw"]), MOVED
-    shift = np.array([np.sin(yaw) * ahead + np.cos(yaw) * left, -np.cos(yaw) * ahead + np.sin(yaw) * left, up])
+    yaw, (ahead, left) = float(task["cue"]["yaw"]), MOVED
+    shift = np.array([np.sin(yaw) * ahead + np.cos(yaw) * left, -np.cos(yaw) * ahead + np.sin(yaw) * left, 0.0])
     cue = {**task["cue"], "position": (np.array(task["cue"]["position"]) + shift).tolist(), "yaw": yaw + TURNED}
     scene, floor = core.index_scene(request.positions, request.triangles).result(), task["start"]["position"][2]
     motion = (made.root_positions, made.rotations, made.contacts)
@@ -117,20 +117,18 @@ def pair(kind: str, actions: list[tuple[str, bpy.types.Action]], title: str, cel
         walk = read_walk(scene)
         if view is None:
             index = len(walk.frames) - 1
-            shot = SEAT
             if kind == "openings":
-                hand, first, last = walk.hands[0]
+                _, first, last = walk.hands[0]
                 # Near the end of the way, where it has led farthest.
                 index = first + round(0.9 * (last - first))
-                shot = BODY
             frame = int(walk.frames[index])
             scene.frame_set(frame)
-            view = Sight(walk).best(shot if kind == "openings" else BODY, index)
-        scene.frame_set(min(frame, int(walk.frames[-1])) if kind == "openings" else int(walk.frames[-1]))
+            view = Sight(walk).best(BODY, index)
+        scene.frame_set(frame if kind == "openings" else int(walk.frames[-1]))
         aim(scene.camera, view)
-        _stamp(scene, f"{title}, {note}")
+        stamp(scene, f"{title}, {note}")
         draw(scene, cell)
-        pictures.append(_pixels(cell))
+        pictures.append(read_pixels(cell))
     return np.concatenate(pictures, axis=1)
 
 
@@ -162,7 +160,7 @@ def main(arguments: list[str]) -> None:
     pairs += [np.zeros_like(pairs[0])] * (-len(pairs) % across)
     # Blender's pictures begin at the bottom.
     rows = [np.concatenate(pairs[k : k + across], axis=1) for k in range(0, len(pairs), across)]
-    _write_pixels(options.out, np.concatenate(rows[::-1], axis=0))
+    write_pixels(options.out, np.concatenate(rows[::-1], axis=0))
     print(f"wrote {options.out}", flush=True)
 
 

@@ -53,8 +53,10 @@ class Opening:
         return not self.slides and abs(self.axis[2]) > 0.5
 
     def by_hand(self) -> Opening:
-        """Opened no farther than who stands before it pulls: beyond that the face that the hand holds turns away from the
-        person, who would let go or walk along."""
+        """Opened no farther than who stands before it pulls.
+
+        Beyond that the face that the hand holds turns away from the person, who would let go or walk along.
+        """
         return replace(self, most=self.most * PULLED) if self.swings else self
 
     def held(self, values: np.ndarray) -> np.ndarray:

@@ -238,11 +238,11 @@ def editing_section(seats: list[Row], openings: list[Row], out: Path) -> str:
     """Residuals of the editor, its ablation and its pictures."""
     parts = [
         "## Editing (section 4.3, figure 9)",
-        "After the controller's motion. *Acceleration* is the largest of any joint, *jerk* the mean, over the frames "
-        "that an edit may change; *manifold* is the mean distance of the joints from those of Ψ⁻¹(Ψ(X)) there; *slide* the "
-        "largest step of a planted foot between two frames. The paper shows pictures of its ablation and gives no "
-        "figures; the three motions that come with its code end 0.1 to 10.8 cm from the hips' cue and 20 to 40 cm from "
-        "the feet's.",
+        "After the controller's motion; mean / max, over the frames that an edit may change. *Acceleration* is the "
+        "largest of any joint, *jerk* the mean; *manifold* is the mean distance of the joints from those of Ψ⁻¹(Ψ(X)); "
+        "*slide* the largest step of a planted foot between two frames. The paper shows pictures of its ablation and "
+        "gives no figures; the three motions that come with its code end 0.1 to 10.8 cm from the hips' cue and 20 to "
+        "40 cm from the feet's.",
     ]
     if openings:
         parts += _openings_parts(openings, out)
@@ -268,9 +268,10 @@ def _openings_parts(rows: list[Row], out: Path) -> list[str]:
     refused = [(row["part"], row["method"], row["problem"]) for row in rows if row["problem"]]
     parts = [
         "### What a hand opens",
-        "Parts of real objects, each opened by the right hand from where the controller stops or sits down: over the whole "
-        "range, a door as far as who stands before it pulls (55 %). Three methods on the same motion, mean / max over the objects: the editor; its finishing pass "
-        "without the search along the manifold; and inverse kinematics of arm and spine, frame by frame.",
+        "Parts of real objects, each opened by the right hand from where the controller stops or sits down: over their "
+        "whole range, doors as far as who stands before them pulls (55 %). Three methods on the same motion: the "
+        "editor; its finishing pass without the search along the manifold; and inverse kinematics of arm and spine, "
+        "frame by frame, whose pelvis and legs stay as they are.",
         table(header, lines),
     ]
     if (out / OPENINGS).is_file():
@@ -297,12 +298,12 @@ def _seats_parts(rows: list[Row], out: Path) -> list[str]:
     parts = ["### Seats"]
     if heights:
         parts.append(
-            f"{len(fitted)} fits of the rooms' seats, {min(heights):.2f} to {max(heights):.2f} m high, mean / max: as "
-            "the cue is given; with a cue for each foot; and with the cue moved by 8 cm, raised by 4 cm and turned by 11°."
+            f"{len(fitted)} fits of the rooms' seats, {min(heights):.2f} to {max(heights):.2f} m high: as the cue is "
+            "given; with a cue for each foot; and with the cue moved by 8 cm, raised by 4 cm and turned by 11°."
         )
     parts.append(table(("wish", "fits", *header), lines))
     if (out / SEATS).is_file():
-        words = "Left of each pair: the controller's motion as it ends; right: fitted."
+        words = "Left of each pair: fitted to the cue as it is; right: to the cue moved by 8 cm and turned by 11°."
         parts += [f"![Seats](pictures/{SEATS})", words]
     if refused:
         parts.append(table(("room", "task", "wish", "not fitted"), refused))

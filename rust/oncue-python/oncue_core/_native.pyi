@@ -352,7 +352,7 @@ def motion_figures(
     floor: float = 0.0,
     manifold: Manifold | None = None,
 ) -> MotionFigures:
-    """How smoothly frames `first` to `end` run, how far they are from the manifold, and how the motion's feet stand."""
+    """How smoothly frames `first` to `end` run, how far they are from the manifold, and how the feet stand."""
 
 def default_settings(preset: str = "default") -> Settings:
     """The settings of a preset, as `synthesize` takes them. InputError for an unknown name."""

@@ -137,7 +137,7 @@ class Smoothness(TypedDict):
 class MotionFigures(TypedDict):
     """What a motion is like. `manifold_cm`: mean distance of the joints from those of Ψ⁻¹(Ψ(X)).
 
-    `foot`: as in a report, of the whole motion.
+    `foot`: as in a report.
     """
 
     smoothness: Smoothness

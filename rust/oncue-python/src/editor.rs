@@ -177,7 +177,7 @@ struct MotionFigures {
     manifold_cm: f32,
 }
 
-/// How smoothly frames `first` to `end` of a motion run, how far they are from a manifold, and how its feet stand.
+/// How smoothly frames `first` to `end` of a motion run, how far they are from a manifold, and how the feet stand.
 #[pyfunction]
 #[pyo3(signature = (root_positions, rotations, contacts, first, end, floor=0.0, manifold=None))]
 #[allow(clippy::too_many_arguments)] // Python's face: all but five have names and defaults there.
@@ -194,8 +194,12 @@ pub fn motion_figures<'py>(
     let mut motion = from_arrays(root_positions, rotations, contacts)?;
     let manifold = manifold.map(|m| m.inner.clone());
     let figures = job::run(py, || {
-        let foot = foot_figures(&motion, floor);
-        let span = first..end.min(motion.len());
+        let span = first.min(motion.len())..end.min(motion.len());
+        let seen = Motion {
+            postures: motion.postures.get(span.clone()).unwrap_or_default().to_vec(),
+            contacts: motion.contacts.get(span.clone()).unwrap_or_default().to_vec(),
+        };
+        let foot = foot_figures(&seen, floor);
         motion.postures.iter_mut().for_each(|p| p.root_position.z -= floor);
         let distance = match manifold.as_deref() {
             Some(manifold) => manifold_distance(manifold, &motion, &span),
