@@ -186,6 +186,7 @@ def test_batch_takes_a_manifold(fixtures, oncue, core, own, tmp_path):
     scene, out, report = (tmp_path / name for name in ("stool.blend", "out.blend", "out.json"))
     fixtures.save(scene)
     words = (scene, "--out", out, "--report", report, "--overrides", json.dumps(QUICK))
+    oncue("bridge.policies").policy_cache(bpy.context).clear()
     done = batch(*words, "--manifold", own)
     assert done.returncode in {0, 3}, done.stderr
     written = json.loads(report.read_text())
