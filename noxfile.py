@@ -330,10 +330,12 @@ def rooms(session: nox.Session) -> None:
 @nox.session
 def evaluate(session: nox.Session) -> None:
     """Replays the paper's tables on real rooms (tools/evaluation); `-- --quick` for a few tasks."""
-    python = environment(session, "evaluate", EVALUATION)
-    install_wheel(session, python, build_wheel(session))
+    python, wheel = environment(session, "evaluate", EVALUATION), build_wheel(session)
+    install_wheel(session, python, wheel)
     shared = os.environ.get("ONCUE_SHARED", str(ROOT.parent / "shared"))
     command = [str(python), "-m", "tools.evaluation", "--shared", shared, "--out", str(OUT / "evaluation")]
+    if "--quick" not in session.posargs:
+        command += ["--blender", str(blender_environment(session, blenders(session)[-1], wheel))]
     session.run(*command, *session.posargs)
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import tempfile
 from pathlib import Path
 
 import bpy
@@ -15,6 +14,7 @@ from . import native
 from .bridge import session
 from .bridge.policies import policy_cache
 from .errors import SceneError
+from .files import check_writable
 from .pipeline import LibraryCache, Progress, run_blocking, synthesis_steps
 
 #: Exit statuses: done; no result; written, but a cue was not met.
@@ -34,6 +34,7 @@ def parser() -> argparse.ArgumentParser:
         help=".bvh files, folders, library files (default: the scene's)",
     )
     made.add_argument("--starter", choices=["all", "missing", "none"], help="what the starter library adds")
+    made.add_argument("--manifold", type=Path, help="a motion manifold of your own (default: the scene's)")
     made.add_argument("--preset", help="settings of the optimization (default: the scene's)")
     made.add_argument("--overrides", help="settings that depart from the preset, as a JSON object")
     made.add_argument("--start-frame", type=int, help="frame of the first key")
@@ -96,6 +97,8 @@ def apply_options(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
             settings.library_paths.add().path = str(Path(path).resolve())
     if options.starter is not None:
         settings.starter = options.starter.upper()
+    if options.manifold is not None:
+        settings.manifold = str(options.manifold.resolve())
     if options.preset is not None:
         if options.preset not in native.preset_names():
             raise SceneError(f"There is no preset {options.preset}; choose one of {', '.join(native.preset_names())}.")
@@ -115,20 +118,6 @@ def open_file(path: Path) -> None:
         bpy.ops.wm.open_mainfile(filepath=str(path.resolve()))
     except RuntimeError as error:
         raise SceneError(f"{path} cannot be opened: {str(error).strip()}") from error
-
-
-def check_writable(path: Path) -> None:
-    """Finds out before the work that `path` cannot be written. Raises SceneError; leaves nothing behind."""
-    folder = path.resolve().parent
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-        if path.exists():
-            with path.open("ab"):
-                pass
-    except OSError as error:
-        raise SceneError(f"{path} cannot be written: {error.strerror}.") from error
 
 
 def save(path: Path) -> None:

@@ -32,12 +32,15 @@ class JobHandle:
         self.message = ""
         #: Whether that is a failure; a run that somebody stopped did not fail.
         self.failed = False
+        #: What is said where the artist stops the task.
+        self.stopped_note = CANCELLED
         self._timer, self._window_manager = None, None
         #: Cancelled runs whose threads may still be at work.
         self._leaving: list[Run] = []
 
-    def start(self, context: bpy.types.Context, title: str, run: Run) -> None:
+    def start(self, context: bpy.types.Context, title: str, run: Run, stopped_note: str = CANCELLED) -> None:
         self.run, self.title, self.message, self.failed = run, title, "", False
+        self.stopped_note = stopped_note
         self._window_manager = context.window_manager
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
 
@@ -46,6 +49,7 @@ class JobHandle:
         if self._timer is not None:
             self._window_manager.event_timer_remove(self._timer)
         self.run, self._timer, self._window_manager = None, None, None
+        self.stopped_note = CANCELLED
 
     def stop(self, why: str) -> None:
         """Cancels the task and lets it go at once; its threads stop by themselves."""
@@ -71,6 +75,8 @@ class JobOperator:
     """Mixin of a Blender operator. Its class gives `title`, `begin` and `finish`."""
 
     title = "Working"
+    #: What is said where the artist stops it.
+    stopped_note = CANCELLED
 
     def begin(self, context: bpy.types.Context) -> Steps:
         """Reads the file and gives the steps of the task. Raises one of `native.expected_errors()`."""
@@ -108,18 +114,18 @@ class JobOperator:
         except native.expected_errors() as error:
             return self._refused(error)
         self._scene, self._run = context.scene.name, run
-        handle.start(context, self.title, run)
+        handle.start(context, self.title, run, self.stopped_note)
         context.window_manager.modal_handler_add(self)
         redraw_sidebars(context)
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if event.type == "ESC" and event.value == "PRESS" and self._run is handle.run:
-            handle.stop(CANCELLED)
+            handle.stop(self.stopped_note)
         run = self._run
         if run is not handle.run:  # ended here, or from elsewhere
             redraw_sidebars(context)
-            self.report({"INFO"}, handle.message or CANCELLED)
+            self.report({"INFO"}, handle.message or self.stopped_note)
             return {"CANCELLED"}
         if event.type == "TIMER":
             redraw_sidebars(context)
@@ -148,7 +154,7 @@ class JobOperator:
 
     def _refused(self, error: BaseException) -> set[str]:
         handle.failed = not native.is_cancelled(error)
-        handle.message = native.sentence(error) if handle.failed else CANCELLED
+        handle.message = native.sentence(error) if handle.failed else self.stopped_note
         self.report({"ERROR" if handle.failed else "INFO"}, handle.message)
         return {"CANCELLED"}
 
@@ -165,7 +171,7 @@ class ONCUE_OT_cancel(bpy.types.Operator):
         return handle.run is not None
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
-        handle.stop(CANCELLED)
+        handle.stop(handle.stopped_note)
         return {"FINISHED"}
 
 

@@ -16,7 +16,7 @@ from typing import Protocol
 import numpy as np
 
 from . import native
-from .pipeline import LibraryCache, Outcome, Request, Run, Steps, finish, library_steps, merged
+from .pipeline import LibraryCache, Outcome, Request, Run, Steps, finish, library_steps, merged, read_manifold
 from .policy_cache import PolicyCache
 
 #: Seconds without a change after which things are taken to rest.
@@ -55,16 +55,19 @@ class World:
     skipped_files: list[tuple[str, str]]
     scene: object
     kept: object
+    #: What seat and hands are fitted along; None for the one that ships.
+    manifold: object = None
 
 
 def world_steps(request: Request, cache: LibraryCache, policies: PolicyCache, before: World | None) -> Steps:
     """The world of a request; the scene of the one before is taken over where its triangles are the same."""
+    manifold = read_manifold(request.manifold)
     library, skipped = yield from library_steps(request.library, cache)
     if before is not None and _same_scene(request, before.request):
         scene = before.scene
     else:
         scene = yield from finish(native.require().index_scene(request.positions, request.triangles))
-    return World(request, library, skipped, scene, policies.find(scene, library))
+    return World(request, library, skipped, scene, policies.find(scene, library), manifold)
 
 
 def play_steps(world: World, request: Request, overrides: dict) -> Steps:
@@ -72,7 +75,7 @@ def play_steps(world: World, request: Request, overrides: dict) -> Steps:
     core, began = native.require(), time.perf_counter()
     settings = merged(merged(core.default_settings(request.preset), request.overrides), overrides)
     synthesis = yield from finish(
-        core.synthesize(world.scene, world.library, request.task, settings, request.seed, world.kept)
+        core.synthesize(world.scene, world.library, request.task, settings, request.seed, world.kept, world.manifold)
     )
     return Outcome(synthesis, {"synthesis": time.perf_counter() - began}, world.skipped_files)
 

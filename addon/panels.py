@@ -78,6 +78,10 @@ class ONCUE_PT_library(OncuePanel, bpy.types.Panel):
         row.operator("oncue.add_library", text="Add Folder", icon="FILE_FOLDER").folder = True
         if settings.library_paths:
             layout.operator("oncue.save_library", icon="FILE_TICK")
+        header, manifold = layout.panel("oncue_manifold", default_closed=True)
+        header.label(text="Motion Manifold")
+        if manifold:
+            _draw_manifold(manifold.column(), settings)
 
 
 class ONCUE_UL_library(bpy.types.UIList):
@@ -206,6 +210,14 @@ def _draw_limbs(column: bpy.types.UILayout) -> None:
     row.operator("oncue.place_hand", text="Left Hand").kind = "left_hand"
     row.operator("oncue.place_hand", text="Right Hand").kind = "right_hand"
     row.operator("oncue.place_hand", text="Both").kind = "both_hands"
+
+
+def _draw_manifold(column: bpy.types.UILayout, settings) -> None:
+    column.use_property_split = True
+    column.use_property_decorate = False
+    column.prop(settings, "manifold", text="File", placeholder="The one that ships")
+    column.prop(settings, "manifold_passes")
+    column.operator("oncue.train_manifold", icon="GRAPH")
 
 
 def _draw_progress(layout: bpy.types.UILayout) -> None:

@@ -21,6 +21,10 @@ from .policy_cache import PolicyCache
 
 #: Ending of a library file that Oncue wrote.
 LIBRARY_SUFFIX = ".oncue"
+#: Endings of a motion manifold's file, and of a training that is under way.
+MANIFOLD_SUFFIX, CHECKPOINT_SUFFIX = ".oncueman", ".oncueckp"
+#: Every training from the panel has the same seed: a checkpoint goes on only with its own.
+MANIFOLD_SEED = 0
 
 Steps = Generator[object, None, object]
 
@@ -47,6 +51,8 @@ class Request:
     seed: int = 0
     #: Settings that depart from the preset, nested as the preset's.
     overrides: dict = field(default_factory=dict)
+    #: File of the manifold that seat and hands are fitted along; empty for the one that ships.
+    manifold: str = ""
 
 
 @dataclass(frozen=True)
@@ -67,6 +73,7 @@ class EditRequest:
     triangles: np.ndarray | None = None
     preset: str = "default"
     overrides: dict = field(default_factory=dict)
+    manifold: str = ""
 
 
 @dataclass(frozen=True)
@@ -96,6 +103,7 @@ class LibraryCache:
 def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache | None = None) -> Steps:
     """The whole run. A policy that was optimized is kept in `policies`, and played where the prior fails."""
     core, seconds = native.require(), {}
+    manifold = read_manifold(request.manifold)
     with _timed(seconds, "library"):
         library, skipped = yield from library_steps(request.library, cache)
     with _timed(seconds, "scene_index"):
@@ -103,7 +111,9 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     with _timed(seconds, "synthesis"):
         settings = merged(core.default_settings(request.preset), request.overrides)
         kept = policies.find(scene, library) if policies else None
-        synthesis = yield from finish(core.synthesize(scene, library, request.task, settings, request.seed, kept))
+        synthesis = yield from finish(
+            core.synthesize(scene, library, request.task, settings, request.seed, kept, manifold)
+        )
     if policies and synthesis.report["updates"] and synthesis.report["success"]:
         policies.keep(scene, library, synthesis.policy)
     return Outcome(synthesis, seconds, skipped)
@@ -112,6 +122,7 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
 def edit_steps(request: EditRequest) -> Steps:
     """Solves an artist's edit; gives the core's edited motion."""
     core, scene = native.require(), None
+    manifold = read_manifold(request.manifold)
     if request.positions is not None:
         scene = yield from finish(core.index_scene(request.positions, request.triangles))
     settings = merged(core.default_settings(request.preset), request.overrides)
@@ -125,9 +136,42 @@ def edit_steps(request: EditRequest) -> Steps:
             floor=request.floor,
             scene=scene,
             settings=settings,
+            manifold=manifold,
         )
     )
     return edited
+
+
+def read_manifold(path: str):
+    """The manifold of a file, or None for the one that ships. Raises what `native.expected_errors` names."""
+    if not path:
+        return None
+    if not Path(path).is_file():
+        raise SceneError(f"The motion manifold {path} is not there any more: choose another file, or leave it empty.")
+    return native.require().Manifold.read(path)
+
+
+def manifold_steps(choice: LibraryChoice, cache: LibraryCache, passes: int, path: str) -> Steps:
+    """Trains a manifold on the library of a choice and writes it to `path`; gives it.
+
+    After each pass the training is kept beside it, so that a cancelled one goes on where it was.
+    """
+    core = native.require()
+    if not choice.paths:
+        raise SceneError(
+            "Add your own motion capture to the library first: the manifold that ships knows the starter library."
+        )
+    library, _ = yield from library_steps(choice, cache)
+    checkpoint = checkpoint_of(path)
+    manifold = yield from finish(core.train_manifold(library, {"epochs": passes}, MANIFOLD_SEED, str(checkpoint)))
+    manifold.write(path)
+    checkpoint.unlink(missing_ok=True)
+    return manifold
+
+
+def checkpoint_of(path: str) -> Path:
+    """Where the training of a manifold is kept while it is under way."""
+    return Path(path).with_suffix(CHECKPOINT_SUFFIX)
 
 
 def merged(settings: dict, overrides: dict, where: str = "") -> dict:

@@ -68,6 +68,21 @@ class OncueSettings(bpy.types.PropertyGroup):
         ],
         default="MISSING",
     )
+    manifold: StringProperty(
+        name="Manifold",
+        description="File of the motion manifold that seats, hands and keys are fitted along; "
+        "empty for the one that ships",
+        subtype="FILE_PATH",
+        options={"ANIMATABLE", *RELATIVE_PATHS},
+        default="",
+    )
+    manifold_passes: IntProperty(
+        name="Passes",
+        description="How often a training goes through the library; the manifold that ships has 24",
+        default=24,
+        min=1,
+        max=1000,
+    )
     preset: EnumProperty(name="Preset", description="Settings of the motion's optimization", items=_presets)
     overrides: StringProperty(
         name="Overrides",

@@ -26,7 +26,8 @@ from mathutils import Vector
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[1])]
 
 import furniture as f  # noqa: E402
-from articulated import object_rows, object_task  # noqa: E402
+from articulated import object_task  # noqa: E402
+from openings import read_openings  # noqa: E402
 
 from addon.bridge.cue_objects import PELVIS_OVER_SEAT, make_cue, yaw_from_heading  # noqa: E402
 
@@ -215,9 +216,9 @@ def main(arguments: list[str]) -> None:
             save(options.out / f"{options.room.stem}-{row['task']}.blend")
         return
     if options.object:
-        for row in object_rows(options.tasks, options.object.stem):
-            object_task(new_scene(), options.object, row)
-            save(options.out / f"{row['moving_node']}.blend")
+        for opening in read_openings(options.tasks, options.object.stem):
+            object_task(new_scene(), options.object, opening)
+            save(options.out / f"{opening.part}.blend")
         return
     for name in options.only or SCENES:
         SCENES[name]()

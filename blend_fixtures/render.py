@@ -256,9 +256,9 @@ def sheet(blend: Path, out: Path) -> None:
         def shown(index: int, view: View, note: str) -> np.ndarray:
             scene.frame_set(int(walk.frames[index]))
             aim(camera, view)
-            _stamp(scene, note)
+            stamp(scene, note)
             draw(scene, cell)
-            return _pixels(cell)
+            return read_pixels(cell)
 
         for what, index in moments:
             scene.frame_set(int(walk.frames[index]))
@@ -275,7 +275,7 @@ def sheet(blend: Path, out: Path) -> None:
         rooms = [shown(index, view, f"{what}, frame {walk.frames[index]}") for what, index in moments]
     # Blender's pictures begin at the bottom.
     rows = [np.concatenate(row, axis=1) for row in (details, figures, rooms)]
-    _write_pixels(out, np.concatenate(rows, axis=0))
+    write_pixels(out, np.concatenate(rows, axis=0))
 
 
 def _detail(walk: Walk, what: str) -> tuple[str, Shot]:
@@ -313,7 +313,7 @@ def _open(blend: Path, size: tuple[int, int]) -> tuple[bpy.types.Scene, Walk, bp
     return scene, read_walk(scene), prepare(scene, size)
 
 
-def _stamp(scene: bpy.types.Scene, note: str) -> None:
+def stamp(scene: bpy.types.Scene, note: str) -> None:
     render = scene.render
     render.use_stamp = True
     for name in dir(render):
@@ -323,7 +323,7 @@ def _stamp(scene: bpy.types.Scene, note: str) -> None:
     render.stamp_background = (0.0, 0.0, 0.0, 0.4)
 
 
-def _pixels(path: Path) -> np.ndarray:
+def read_pixels(path: Path) -> np.ndarray:
     image = bpy.data.images.load(str(path), check_existing=False)
     pixels = np.empty(len(image.pixels), dtype=np.float32)
     image.pixels.foreach_get(pixels)
@@ -332,12 +332,13 @@ def _pixels(path: Path) -> np.ndarray:
     return pixels
 
 
-def _write_pixels(path: Path, pixels: np.ndarray) -> None:
+def write_pixels(path: Path, pixels: np.ndarray) -> None:
     height, width = pixels.shape[:2]
     image = bpy.data.images.new("Sheet", width, height, alpha=False)
     image.pixels.foreach_set(np.ascontiguousarray(pixels, dtype=np.float32).ravel())
-    image.filepath_raw, image.file_format = str(path.resolve()), "PNG"
-    image.save()
+    image.filepath_raw = str(path.resolve())
+    image.file_format = "JPEG" if path.suffix == ".jpg" else "PNG"
+    image.save(quality=85)
 
 
 def main(arguments: list[str]) -> None:

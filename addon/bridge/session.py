@@ -38,6 +38,14 @@ def library_choice(scene: bpy.types.Scene) -> LibraryChoice:
     return LibraryChoice(tuple(paths), scene.oncue.starter.lower())
 
 
+def manifold_path(scene: bpy.types.Scene) -> str:
+    """The file that the scene names, absolute; empty for the manifold that ships. Raises SceneError."""
+    path = scene.oncue.manifold.strip()
+    if path.startswith("//") and not bpy.data.filepath:
+        raise SceneError(f"{path} is relative to a file that was never saved: save it, or choose the manifold again.")
+    return str(Path(bpy.path.abspath(path)).resolve()) if path else ""
+
+
 def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Request, list[tuple[str, str]]]:
     """All that the run needs, and (object, reason) of the meshes left out. Raises SceneError; changes nothing.
 
@@ -57,7 +65,16 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         scale_confirmed=settings.scale_confirmed,
     )
     overrides = read_overrides(settings.overrides)
-    request = Request(meshes.positions, meshes.triangles, task, library, settings.preset, settings.seed, overrides)
+    request = Request(
+        meshes.positions,
+        meshes.triangles,
+        task,
+        library,
+        settings.preset,
+        settings.seed,
+        overrides,
+        manifold_path(context.scene),
+    )
     return request, meshes.skipped
 
 
@@ -90,6 +107,7 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
         triangles,
         settings.preset,
         read_overrides(settings.overrides),
+        manifold_path(context.scene),
     )
     return request, take
 
@@ -169,6 +187,7 @@ def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str
             "blender_version": compat.BLENDER_VERSION,
             "preset": request.preset,
             "overrides": request.overrides,
+            "manifold": request.manifold,
             "library": {"paths": list(request.library.paths), "starter": request.library.starter},
             "scene_triangles": len(request.triangles),
             "skipped_objects": [{"object": name, "reason": reason} for name, reason in skipped],

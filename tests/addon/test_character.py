@@ -3,6 +3,7 @@
 import bpy
 import numpy as np
 import pytest
+from mathutils import Vector
 
 from .shapes import add_cube
 
@@ -71,6 +72,16 @@ def evaluated_heads(character, names, frames):
         posed = character.evaluated_get(bpy.context.evaluated_depsgraph_get())
         heads.append([posed.matrix_world @ posed.pose.bones[name].head for name in names])
     return np.array(heads)
+
+
+def evaluated_palm(character, side, frame):
+    """Where a hand grips: 8 cm along it from the wrist, and 2 cm before the palm, which faces down at rest."""
+    bpy.context.scene.frame_set(int(frame))
+    posed = character.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    hand = posed.pose.bones[f"{side}Hand"]
+    turned = hand.matrix.to_3x3() @ hand.bone.matrix_local.to_3x3().inverted()
+    along = 0.08 if side == "Left" else -0.08
+    return posed.matrix_world @ (hand.head + turned @ Vector((along, 0.0, -0.02)))
 
 
 def write(writer, character, skeleton, motion, **options):

@@ -1,5 +1,6 @@
 """The task scenes: what they are made of, and rooms from outside."""
 
+import csv
 import math
 
 import bpy
@@ -66,8 +67,12 @@ OBJECTS = ("door", "laptop", "chest", "toilet_cc0", "trashcan_bullet", "wardrobe
 def test_the_hand_follows_what_opens(fixtures, oncue, context, read, shared_data, name):
     """Hinges and slides of real objects: the cue's way is as long as the table says, and ends where it says."""
     folder = shared_data / "objects"
-    for row in fixtures.object_rows(folder / "objects.tsv", name):
-        fixtures.object_task(fixtures.new_scene(), folder / f"{name}.glb", row)
+    with (folder / "objects.tsv").open(encoding="utf-8", newline="") as table:
+        rows = [row for row in csv.DictReader(table, delimiter="\t") if row["object"] == name]
+    openings = fixtures.read_openings(folder / "objects.tsv", name)
+    assert [opening.part for opening in openings] == [row["moving_node"] for row in rows]
+    for row, opening in zip(rows, openings, strict=True):
+        fixtures.object_task(fixtures.new_scene(), folder / f"{name}.glb", opening)
         (hand,) = oncue("bridge.hand_reader").read_manipulations(bpy.context, 1)
         path = np.array(hand["path"])
         assert (hand["first_frame"], len(path)) == (150 if name == "laptop" else 90, 61)
@@ -77,6 +82,8 @@ def test_the_hand_follows_what_opens(fixtures, oncue, context, read, shared_data
         # The table has three decimals.
         assert path[-1] - lift == pytest.approx([float(c) for c in row["contact_open_xyz"].split()], abs=2e-3)
         steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
+        # Without Blender it is the same way.
+        assert opening.held([0.0, opening.most]) == pytest.approx(path[[0, -1]], abs=1e-4)
         assert steps.sum() == pytest.approx(float(row["contact_path_m"]), rel=5e-3)
         # And the core takes the walk up to it.
         assert read()["cue"]["action_type"] == ("sit" if name == "laptop" else "stop")

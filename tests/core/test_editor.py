@@ -8,8 +8,12 @@ from oncue_core import Cancelled, InputError
 LEFT_HAND = 9
 
 
-def joints(root_positions, rotations):
-    """Places of the joints, (frames, 22, 3): forward kinematics."""
+#: Where a hand holds what it holds, in the left hand's frame: along the hand, and before the palm.
+PALM = np.array([0.08, 0.0, -0.02])
+
+
+def joints(root_positions, rotations, point=(0.0, 0.0, 0.0)):
+    """Places of the joints, or of a `point` in each joint's frame, (frames, 22, 3): forward kinematics."""
     skeleton = oncue_core.skeleton()
 
     def turn(q, v):
@@ -28,7 +32,8 @@ def joints(root_positions, rotations):
         offset = np.broadcast_to(skeleton["joint_offsets"][joint], root_positions.shape)
         places.append(places[parent] + turn(turns[parent], offset))
         turns.append(product(turns[parent], rotations[:, joint]))
-    return np.stack(places, 1)
+    point = np.broadcast_to(np.asarray(point), root_positions.shape)
+    return np.stack([place + turn(q, point) for place, q in zip(places, turns, strict=True)], 1)
 
 
 @pytest.fixture
@@ -97,8 +102,79 @@ def test_a_hands_path_lengthens_the_motion(still):
     edited = oncue_core.edit_motion(*still, manipulations=[cue]).result()
     assert len(edited.root_positions) == 150
     assert edited.figures["manipulations"] == [{"name": "Lid", "first_frame": 50, "frames": 30}]
-    places = joints(edited.root_positions, edited.rotations)[50:80, LEFT_HAND]
-    assert np.linalg.norm(places - path, axis=1).max() < 0.01
+    palms = joints(edited.root_positions, edited.rotations, PALM)[50:80, LEFT_HAND]
+    assert np.linalg.norm(palms - path, axis=1).max() < 0.01
+    wrists = joints(edited.root_positions, edited.rotations)[50:80, LEFT_HAND]
+    assert np.allclose(np.linalg.norm(wrists - palms, axis=1), np.linalg.norm(PALM), atol=1e-5)
+
+
+def low_drawer(still):
+    """A path of the left palm down before the shins and towards the person: no arm gets there without the knees."""
+    start = joints(*still[:2], PALM)[50, LEFT_HAND] + [-0.1, -0.55, -0.60]
+    return {"name": "Drawer", "hand": "left", "path": (start + np.linspace(0, 0.2, 30)[:, None] * [0, 1, 0]).tolist()}
+
+
+def test_plain_inverse_kinematics_falls_short_where_the_editor_arrives(still):
+    cue = low_drawer(still)
+    ours = oncue_core.edit_motion(*still, manipulations=[cue]).result()
+    plain = oncue_core.plain_ik(*still, cue).result()
+    assert len(ours.root_positions) == len(plain.root_positions)
+    assert ours.figures["constraints"][0]["max_cm"] < 1
+    assert plain.figures["constraints"][0]["max_cm"] > 2
+    # The pelvis stays where it was, and so do the feet.
+    assert (plain.root_positions == np.float32([0, 0, 0.97])).all()
+    figures = {}
+    for name, edited in (("ours", ours), ("plain", plain)):
+        arrays = (edited.root_positions, edited.rotations, edited.contacts)
+        span = edited.figures["first_frame"], edited.figures["end_frame"]
+        figures[name] = oncue_core.motion_figures(*arrays, *span)
+        lifted = arrays[0] + np.float32([0, 0, 1])
+        again = oncue_core.motion_figures(lifted, *arrays[1:], *span, floor=1.0)
+        assert again["manifold_cm"] == pytest.approx(figures[name]["manifold_cm"], abs=0.01)
+    assert figures["ours"]["manifold_cm"] < figures["plain"]["manifold_cm"]
+    assert figures["ours"]["foot"]["worst_skate_cm"] < 0.3
+    assert figures["ours"]["smoothness"]["mean_jerk"] > 0
+
+
+def test_accelerations_are_those_of_the_arrays(still):
+    """A fall: half of g times the square of the time."""
+    root_positions, rotations, contacts = still
+    root_positions = root_positions.copy()
+    root_positions[:, 2] -= 0.5 * 9.81 * (np.arange(120) / 30) ** 2
+    smooth = oncue_core.motion_figures(root_positions, rotations, contacts, 20, 40)["smoothness"]
+    assert smooth["mean_acceleration"] == pytest.approx(9.81, rel=0.02)
+    assert smooth["largest_turn"] == pytest.approx(0, abs=0.01)
+
+
+def test_a_sit_is_fitted_to_its_seat(still):
+    """Someone who hangs in the air 8 cm beside the cue is no walk, but shows what is asked and what comes back."""
+    cue = {"name": "Seat", "action_type": "sit", "position": [0.05, -0.06, 0.93], "yaw": 0.1}
+    fitted = oncue_core.fit_seat(*still, cue, 90).result()
+    assert np.linalg.norm(fitted.root_positions[90:] - cue["position"], axis=1).max() < 0.01
+    figures = fitted.figures
+    assert figures["seat"]["pelvis_cm"] < 1
+    assert figures["seat"]["facing_degrees"] < 3
+    assert figures["seat_before"]["pelvis_cm"] == pytest.approx(100 * np.linalg.norm([0.05, 0.06, 0.04]), abs=0.01)
+    with pytest.raises(InputError, match=r"ends before anyone sits at .*Seat"):
+        oncue_core.fit_seat(*still, cue, 120).result()
+    with pytest.raises(InputError, match=r"sits down 2\.00 m from"):
+        oncue_core.fit_seat(*still, cue | {"position": [0, 2, 0.97]}, 90).result()
+
+
+def test_the_given_manifold_is_the_one_that_is_searched(still):
+    """Without any latent step the manifold cannot count; with them another one gives another motion."""
+    folder = [oncue_core.Library.starter()]
+    small = {"channels": 16, "epochs": 1, "stride": 120, "batch": 16}
+    own = oncue_core.train_manifold(folder[0], small).result()
+    pin = reach(still)
+    shipped = oncue_core.edit_motion(*still, [pin]).result()
+    other = oncue_core.edit_motion(*still, [pin], manifold=own).result()
+    assert other.figures["constraints"][0]["met"]
+    assert not np.array_equal(shipped.rotations, other.rotations)
+    none = {"editor": {"steps": 0}}
+    shipped = oncue_core.edit_motion(*still, [pin], settings=none).result()
+    other = oncue_core.edit_motion(*still, [pin], settings=none, manifold=own).result()
+    assert np.allclose(shipped.rotations, other.rotations, atol=1e-4)
 
 
 @pytest.mark.parametrize(

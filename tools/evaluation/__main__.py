@@ -15,11 +15,11 @@ from pathlib import Path
 
 import oncue_core
 
-from . import experiments, report
+from . import editing, experiments, pictures, report
 from .scenes import Rooms, read_libraries
 from .store import Store
 
-NAMES = ("tasks", "sequences", "ablations", "robustness", "time")
+NAMES = ("tasks", "sequences", "ablations", "robustness", "time", "editing")
 
 
 def main() -> int:
@@ -27,6 +27,7 @@ def main() -> int:
     parser.add_argument("--shared", type=Path, help="the folder with data/rooms and data/mocap")
     parser.add_argument("--out", type=Path, default=Path("out/evaluation"), help="where results are kept")
     parser.add_argument("--docs", type=Path, help="where evaluation.md and its pictures go (default: --out)")
+    parser.add_argument("--blender", help="a Python with bpy and oncue_core, which draws the editor's pictures")
     parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES)
     parser.add_argument("--quick", action="store_true", help="a few tasks, under 5 minutes")
     parser.add_argument("--seed", type=int, default=1)
@@ -48,22 +49,30 @@ def main() -> int:
         lambda line: print(line, flush=True),
     )
     docs = options.docs or options.out
-    pictures = docs / "pictures"
+    drawn = docs / "pictures"
     sections, missed = [], []
     if "tasks" in options.only:
         rows = list(experiments.every_task(bench))
         missed += [row for row in report.reachable(rows) if not row["success"]]
-        sections.append(report.tasks_section(rows, pictures))
+        sections.append(report.tasks_section(rows, drawn))
     if "sequences" in options.only:
         rows = list(experiments.sequences(bench))
         missed += [row for row in report.reachable(rows) if not row["success"]]
-        sections.append(report.sequences_section(rows, libraries, pictures))
+        sections.append(report.sequences_section(rows, libraries, drawn))
     if "ablations" in options.only:
-        sections.append(report.ablations_section(list(experiments.ablations(bench)), pictures))
+        sections.append(report.ablations_section(list(experiments.ablations(bench)), drawn))
     if "robustness" in options.only:
-        sections.append(report.robustness_section(list(experiments.robustness(bench)), pictures))
+        sections.append(report.robustness_section(list(experiments.robustness(bench)), drawn))
     if "time" in options.only:
         sections.append(report.time_section(list(experiments.computation_time(bench))))
+    if "editing" in options.only:
+        seats = list(editing.seats(bench))
+        objects = shared / "data" / "objects" if shared else None
+        openings = list(editing.openings(bench, objects)) if objects and objects.is_dir() else []
+        missed += [row for row in editing.missed(seats + openings) if not row.get("hanging")]
+        if options.blender and shared and not options.quick:
+            pictures.draw(options.blender, shared / "data", options.out, drawn, bench.say)
+        sections.append(report.editing_section(seats, openings, drawn))
     docs.mkdir(parents=True, exist_ok=True)
     page = docs / "evaluation.md"
     page.write_text("\n\n".join([_head(options), *sections]) + "\n", encoding="utf-8")

@@ -16,6 +16,7 @@ from .types import (
     LearningFigures,
     ManifoldFigures,
     ManipulationCue,
+    MotionFigures,
     Point,
     PolicyOrigin,
     ProgressSnapshot,
@@ -40,8 +41,11 @@ __all__ = [
     "check_task",
     "default_settings",
     "edit_motion",
+    "fit_seat",
     "index_scene",
+    "motion_figures",
     "optimize_policy",
+    "plain_ik",
     "practice_room",
     "presets",
     "robustness",
@@ -258,11 +262,12 @@ def synthesize(
     settings: Settings | None = None,
     seed: int = 0,
     policy: Policy | None = None,
+    manifold: Manifold | None = None,
 ) -> Job[Synthesis]:
-    """Synthesizes the motion of a task; the same seed and policy give the same motion on any number of cores.
+    """Synthesizes the motion of a task; the same seed, policy and manifold give the same motion on any number of cores.
 
     `policy`: one of the same scene and library. Where the prior fails and this one serves the task, nothing is
-    optimized; else it is fine-tuned.
+    optimized; else it is fine-tuned. `manifold`: what seat and hands are fitted along, another than the one that ships.
     InputError for unknown settings and malformed tasks at once; from the job for a task that cannot be met, before
     anything is optimized.
     """
@@ -308,6 +313,46 @@ def edit_motion(
     InputError for arrays of another shape or kind, unknown bones and fields at once; from the job for contradictions,
     paths that jump, ranges outside the motion, and what is out of reach, by how much and which way.
     """
+
+def fit_seat(
+    root_positions: NDArray[np.float32],
+    rotations: NDArray[np.float32],
+    contacts: NDArray[np.float32],
+    cue: ActionCue,
+    complete: int,
+    scene: SceneIndex | None = None,
+    floor: float = 0.0,
+    settings: Settings | None = None,
+    manifold: Manifold | None = None,
+) -> Job[EditedMotion]:
+    """Fits a motion that sits down to its seat: pelvis and feet to the cue, thighs on the seat, back before its rest.
+
+    `complete`: the frame from which on the person sits. Everything else as for `edit_motion`. InputError from the job
+    where the seat or a foot's cue is out of reach, by how much and which way.
+    """
+
+def plain_ik(
+    root_positions: NDArray[np.float32],
+    rotations: NDArray[np.float32],
+    contacts: NDArray[np.float32],
+    manipulation: ManipulationCue,
+    floor: float = 0.0,
+    settings: Settings | None = None,
+) -> Job[EditedMotion]:
+    """A hand along its cue by inverse kinematics of arm and spine, frame by frame: what the paper compares its editor
+    with (section 4.3). The motion is lengthened as `edit_motion` does it. Out of reach it falls short.
+    """
+
+def motion_figures(
+    root_positions: NDArray[np.float32],
+    rotations: NDArray[np.float32],
+    contacts: NDArray[np.float32],
+    first: int,
+    end: int,
+    floor: float = 0.0,
+    manifold: Manifold | None = None,
+) -> MotionFigures:
+    """How smoothly frames `first` to `end` run, how far they are from the manifold, and how the feet stand."""
 
 def default_settings(preset: str = "default") -> Settings:
     """The settings of a preset, as `synthesize` takes them. InputError for an unknown name."""

@@ -34,7 +34,7 @@ class ActionCue(TypedDict):
 
 
 class ManipulationCue(TypedDict):
-    """φ_M: the path that a hand's joint follows, one place a frame (30 Hz), world, metres.
+    """φ_M: the path that a palm follows, one place a frame (30 Hz), world, metres.
 
     `first_frame`: the motion's frame at which the hand is at the first place; without it, as soon as the action is
     complete and the hand has got there. It may lie after the motion's end: who stands or sits still waits for it.
@@ -57,6 +57,7 @@ class Task(TypedDict):
 class Constraint(TypedDict):
     """Where a joint is to be from `first_frame` (30 Hz) on, one entry a frame; what is left out stays free.
 
+    `offset`: the point of the joint that `positions` place, in the joint's own frame, metres; else the joint itself.
     `positions`: world, metres. `rotations`: world, w first. `facings`: of the Hips, radians. `soft`: a wish, which may
     be missed.
     """
@@ -64,6 +65,7 @@ class Constraint(TypedDict):
     name: str
     joint: str
     first_frame: int
+    offset: NotRequired[Point | list[float]]
     positions: NotRequired[list[Point] | list[list[float]]]
     rotations: NotRequired[list[tuple[float, float, float, float]] | list[list[float]]]
     facings: NotRequired[list[float]]
@@ -107,8 +109,47 @@ class ManipulationFigures(TypedDict):
     frames: int
 
 
+class SeatFigures(TypedDict):
+    """How a person sits: on the last frame, `pelvis_cm` to `back_cm` the worst of the seated frames.
+
+    `feet_cm`: ankles from their cues; `sole_degrees`: how far the soles are from flat; `hanging`: the seat is too high
+    for that foot to stand; `thigh_cm` and `back_cm`: how deep a thigh is in the seat and the back in the backrest.
+    """
+
+    pelvis_cm: float
+    facing_degrees: float
+    feet_cm: list[float | None]
+    sole_degrees: list[float]
+    hanging: list[bool]
+    thigh_cm: float
+    back_cm: float
+
+
+class Smoothness(TypedDict):
+    """Accelerations of the joints, m/s², of their rotations, rad/s², and mean jerk, m/s³."""
+
+    mean_acceleration: float
+    largest_acceleration: float
+    largest_turn: float
+    mean_jerk: float
+
+
+class MotionFigures(TypedDict):
+    """What a motion is like. `manifold_cm`: mean distance of the joints from those of Ψ⁻¹(Ψ(X)).
+
+    `foot`: as in a report.
+    """
+
+    smoothness: Smoothness
+    foot: dict[str, float]
+    manifold_cm: float
+
+
 class EditFigures(TypedDict):
-    """What an edit did. Frames before `first_frame` and from `end_frame` on are as they were, to the bit."""
+    """What an edit did. Frames before `first_frame` and from `end_frame` on are as they were, to the bit.
+
+    `seat`, `seat_before`: after and before a seat fit, else None.
+    """
 
     constraints: list[ConstraintFigures]
     first_frame: int
@@ -116,6 +157,8 @@ class EditFigures(TypedDict):
     search: SearchFigures | None
     seconds: float
     manipulations: list[ManipulationFigures]
+    seat: SeatFigures | None
+    seat_before: SeatFigures | None
 
 
 class ProgressSnapshot(TypedDict):

@@ -30,6 +30,9 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<synthesis::Synthesis>()?;
     module.add_function(wrap_pyfunction!(skeleton::skeleton, module)?)?;
     module.add_function(wrap_pyfunction!(editor::edit_motion, module)?)?;
+    module.add_function(wrap_pyfunction!(editor::fit_seat, module)?)?;
+    module.add_function(wrap_pyfunction!(editor::motion_figures, module)?)?;
+    module.add_function(wrap_pyfunction!(editor::plain_ik, module)?)?;
     module.add_function(wrap_pyfunction!(library::build_library, module)?)?;
     module.add_function(wrap_pyfunction!(library::practice_room, module)?)?;
     module.add_function(wrap_pyfunction!(manifold::train_manifold, module)?)?;

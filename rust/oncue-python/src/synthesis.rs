@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use numpy::{PyArray2, PyArray3};
+use oncue::editor::shipped_manifold;
 use oncue::motion::FRAME_RATE;
 use oncue::{Settings, Task};
 use pyo3::prelude::*;
@@ -12,6 +13,7 @@ use crate::error::to_python;
 use crate::job::Job;
 use crate::json;
 use crate::library::Library;
+use crate::manifold::Manifold;
 use crate::motion::{MotionArrays, to_arrays};
 use crate::policy::Policy;
 use crate::scene::SceneIndex;
@@ -49,7 +51,8 @@ impl Synthesis {
 
 /// Synthesizes the motion of a task; the same seed and policy give the same motion on any number of cores.
 #[pyfunction]
-#[pyo3(signature = (scene, library, task, settings=None, seed=0, policy=None))]
+#[pyo3(signature = (scene, library, task, settings=None, seed=0, policy=None, manifold=None))]
+#[allow(clippy::too_many_arguments)] // Python's face: all but three have names and defaults there.
 pub fn synthesize(
     scene: &SceneIndex,
     library: &Library,
@@ -57,10 +60,12 @@ pub fn synthesize(
     settings: Option<&Bound<'_, PyDict>>,
     seed: u64,
     policy: Option<&Policy>,
+    manifold: Option<&Manifold>,
 ) -> PyResult<Job> {
     let task: Task = json::from_dict("task", task)?;
     let settings: Settings = json::from_optional_dict("settings", settings)?;
     let policy = policy.map(|p| p.inner.clone());
+    let manifold = manifold.map(|m| m.inner.clone());
     let scene = scene.inner.clone();
     let (library, database) = library.database();
     Job::start(
@@ -68,8 +73,11 @@ pub fn synthesize(
             let begun = Instant::now();
             let database = database.get(&library, &settings.synthesizer.weights, progress)?;
             let prepared = begun.elapsed().as_secs_f32();
-            let mut done =
-                oncue::synthesize(&scene, &database, &task, policy.as_deref(), &settings, seed, progress)?;
+            let manifold = manifold.as_deref().or_else(|| shipped_manifold());
+            let policy = policy.as_deref();
+            let mut done = oncue::synthesize_along(
+                manifold, &scene, &database, &task, policy, &settings, seed, progress,
+            )?;
             done.report.seconds.insert("prepare".to_owned(), prepared);
             Ok(done)
         },

@@ -82,7 +82,7 @@ pub struct ManipulationCue {
     /// The name the artist gave it, for messages.
     pub name: String,
     pub hand: Hand,
-    /// Where the hand's joint is on each frame (30 Hz), world, metres.
+    /// Where the palm is on each frame (30 Hz), world, metres.
     pub path: Vec<Vec3>,
     /// The motion's frame on which the hand is at the path's first place; without it that is as soon as the action is
     /// complete and the hand has got there. It may lie after the motion's end: who stands or sits still waits for it.

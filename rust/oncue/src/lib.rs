@@ -38,4 +38,4 @@ pub use motion::{Motion, Posture};
 pub use progress::Progress;
 pub use scene::SceneIndex;
 pub use settings::Settings;
-pub use synthesize::{Synthesis, synthesize};
+pub use synthesize::{Synthesis, synthesize, synthesize_along};

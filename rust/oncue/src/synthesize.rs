@@ -8,7 +8,7 @@ use crate::controller::{
     Environment, EpisodeEnd, KeptMotion, KeptPolicy, keep_motion, optimize_policy, request_of,
 };
 use crate::cue::{ActionType, Task};
-use crate::editor::{check_manipulations, edit_for_task};
+use crate::editor::{Manifold, check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
 use crate::library::database::MotionDatabase;
 use crate::metrics::{Residual, foot_figures, penetration_figures, residual, speed_figures};
@@ -46,6 +46,24 @@ pub fn synthesize(
     seed: u64,
     progress: &Progress,
 ) -> Result<Synthesis> {
+    synthesize_along(shipped_manifold(), scene, database, task, kept, settings, seed, progress)
+}
+
+/// The same, edited along a given manifold, or by the finishing pass alone where there is none.
+///
+/// # Errors
+/// As [`synthesize`].
+#[allow(clippy::too_many_arguments)] // All that a motion follows from, and nothing that groups it.
+pub fn synthesize_along(
+    manifold: Option<&Manifold>,
+    scene: &SceneIndex,
+    database: &MotionDatabase,
+    task: &Task,
+    kept: Option<&KeptPolicy>,
+    settings: &Settings,
+    seed: u64,
+    progress: &Progress,
+) -> Result<Synthesis> {
     let mut laps = Laps::new();
     progress.stage("Checking the cues");
     check_task(scene, task)?;
@@ -69,7 +87,7 @@ pub fn synthesize(
     }
 
     let edited = if settings.editor.fit && kept.end == EpisodeEnd::Complete {
-        Some(edit_for_task(&mut motion, task, complete, scene, &settings.editor, progress)?)
+        Some(edit_for_task(&mut motion, task, complete, scene, manifold, &settings.editor, progress)?)
     } else {
         None
     };

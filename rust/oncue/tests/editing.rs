@@ -7,13 +7,15 @@ use oncue::editor::manipulation::{lengthened, manipulate};
 use oncue::editor::plain_ik::plain_ik;
 use oncue::editor::seat::{Seat, SeatFit};
 use oncue::editor::smoothness::{Smoothness, smoothness};
-use oncue::editor::{Constraint, Edited, Key, Manifold, Wishes, edit_motion, shipped_manifold};
+use oncue::editor::{
+    Constraint, Edited, Key, Manifold, Wishes, check_constraints, edit_motion, shipped_manifold,
+};
 use oncue::library::foot::sole;
 use oncue::library::{ActionLabel, starter};
 use oncue::math::rotation::to_angle_axis;
 use oncue::metrics::foot_figures;
 use oncue::motion::skeleton::ANKLE_HEIGHT;
-use oncue::motion::{Joint, Posture};
+use oncue::motion::{Joint, Pose, Posture};
 use oncue::settings::EditorSettings;
 use oncue::{
     ActionCue, ActionType, Error, Hand, ManipulationCue, Motion, MotionLibrary, Progress, SceneIndex,
@@ -236,6 +238,13 @@ fn a_foot_cue_that_no_leg_reaches_is_refused() {
     assert!(text.contains("Seat: left foot") && text.contains("towards the character"), "{text}");
 }
 
+/// Where a hand holds what it holds: 8 cm from the wrist along the hand and 2 cm before the palm, which faces down in the
+/// rest pose.
+fn gripping(pose: &Pose, joint: Joint) -> Vec3 {
+    let along = if joint == Joint::LeftHand { 0.08 } else { -0.08 };
+    pose.position(joint) + pose.rotation(joint) * Vec3::new(along, 0.0, -0.02)
+}
+
 /// An arc of 30 cm before the person's chest.
 fn arc(motion: &Motion, frame: usize, frames: usize) -> Vec<Vec3> {
     let here = motion.postures[frame].planar();
@@ -279,7 +288,7 @@ fn a_hand_follows_its_path_and_the_motion_grows_by_it() {
         }
         assert!(done.figures.constraints.iter().all(|c| c.met), "{:?}", done.figures);
         let last = done.motion.postures[first + 44].pose();
-        let away = |joint: Joint| last.position(joint).distance(path[44]);
+        let away = |joint: Joint| gripping(&last, joint).distance(path[44]);
         match hand {
             Hand::Left => assert!(away(Joint::LeftHand) < 0.01),
             Hand::Right => assert!(away(Joint::RightHand) < 0.01),
@@ -320,11 +329,11 @@ fn who_is_still_waits_for_a_late_cue_and_takes_the_time_to_get_back() {
             let after = &done.motion;
             assert_eq!(done.cues[0].first_frame, first);
             // The path, the whole return, and a frame on which all is as it was.
-            let held = own(first).pose().position(Joint::RightHand);
+            let held = gripping(&own(first).pose(), Joint::RightHand);
             // What was there after the hold goes on after it.
             let end = first + count;
-            let below = own(first).pose().position(Joint::RightHand).distance(path[count - 1]);
-            assert_eq!(held, before.postures[end - 1].pose().position(Joint::RightHand));
+            let below = held.distance(path[count - 1]);
+            assert_eq!(held, gripping(&before.postures[end - 1].pose(), Joint::RightHand));
             assert_eq!(after.len(), end + reach_frames(below) + 1, "{what} {first}");
             assert_eq!(after.contacts.len(), after.len());
             assert_eq!(after.postures[after.len() - 1], own(last), "{what} {first}");
@@ -336,7 +345,8 @@ fn who_is_still_waits_for_a_late_cue_and_takes_the_time_to_get_back() {
                 assert_eq!(after.contacts[frame], motion.contacts[frame.min(last)]);
             }
             for (i, place) in path.iter().enumerate() {
-                let miss = after.postures[first + i].pose().position(Joint::RightHand).distance(*place);
+                let pose = after.postures[first + i].pose();
+                let miss = gripping(&pose, Joint::RightHand).distance(*place);
                 assert!(miss < 0.01, "{what} {first}: {miss} on frame {}", first + i);
             }
             for frame in 1..after.len() {
@@ -365,7 +375,7 @@ fn several_late_cues_are_met_on_their_own_frames() {
         let joint = if cue.hand == Hand::Left { Joint::LeftHand } else { Joint::RightHand };
         for (i, place) in path.iter().enumerate() {
             let pose = done.motion.postures[at.first_frame + i].pose();
-            assert!(pose.position(joint).distance(*place) < 0.01, "{}: {i}", cue.name);
+            assert!(gripping(&pose, joint).distance(*place) < 0.01, "{}: {i}", cue.name);
         }
     }
     assert_eq!(done.motion.postures.last(), motion.postures.last());
@@ -390,6 +400,24 @@ fn nobody_waits_on_the_way() {
         let range = format!("‘Rail’ runs from frame {first} to {}", first + 19);
         assert!(text.contains(&range) && text.contains("ends on the way"), "{text}");
     }
+}
+
+#[test]
+fn an_offset_places_a_point_of_the_joint() {
+    let motion = standing();
+    let offset = Vec3::new(0.02, -0.10, 0.12);
+    let place = motion.postures[60].pose().point(Joint::Head, offset) + Vec3::new(0.0, -0.08, -0.05);
+    let crown = Constraint { offset, ..Constraint::positions("Crown", Joint::Head, 60, vec![place; 10]) };
+    let edited = edit(&motion, std::slice::from_ref(&crown)).expect("within reach");
+    let pose = edited.motion.postures[65].pose();
+    let there = pose.position(Joint::Head) + pose.rotation(Joint::Head) * offset;
+    assert!(there.distance(place) < 0.01, "{there} {place}");
+    assert!(edited.figures.constraints[0].met && edited.figures.constraints[0].max_cm < Some(1.0));
+    // Two points of one joint may be apart as they are in its frame, and no farther.
+    let own = |place| Constraint::positions("Neck", Joint::Head, 60, vec![place; 10]);
+    check_constraints(&motion, &[crown.clone(), own(place + Vec3::X * 0.15)]).expect("within the offset");
+    let text = check_constraints(&motion, &[crown, own(place + Vec3::X * 0.26)]).unwrap_err().to_string();
+    assert!(text.contains("‘Crown’ and ‘Neck’ both want the Head on frame 60, 0.10 m apart"), "{text}");
 }
 
 #[test]

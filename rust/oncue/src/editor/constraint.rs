@@ -8,7 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use crate::error::{Error, Result};
 use crate::math::rotation::angle_between;
 use crate::motion::skeleton::NAMES;
-use crate::motion::{Joint, Motion};
+use crate::motion::{Joint, Motion, Pose};
 
 /// q_j^t (LAMA, φ_M, section 3.1), and the same for rotations: where a joint is to be, frame by frame.
 ///
@@ -20,6 +20,9 @@ pub struct Constraint {
     pub name: String,
     #[serde(with = "by_name")]
     pub joint: Joint,
+    /// The point of the joint that `positions` place, in the joint's frame, metres: a palm, say. Zero is the joint itself.
+    #[serde(default)]
+    pub offset: Vec3,
     /// 30 Hz.
     pub first_frame: usize,
     /// World, metres.
@@ -50,12 +53,18 @@ impl Constraint {
         Self {
             name: name.to_owned(),
             joint,
+            offset: Vec3::ZERO,
             first_frame,
             positions,
             rotations: Vec::new(),
             facings: Vec::new(),
             soft: false,
         }
+    }
+
+    /// Where the point that it places is in a pose.
+    pub fn point(&self, pose: &Pose) -> Vec3 {
+        pose.point(self.joint, self.offset)
     }
 
     /// The frames it speaks of.
@@ -106,7 +115,8 @@ impl Constraint {
                 self.joint.name()
             )));
         }
-        let numbers = self.positions.iter().all(|p| p.is_finite())
+        let numbers = self.offset.is_finite()
+            && self.positions.iter().all(|p| p.is_finite())
             && self.rotations.iter().all(|q| q.is_finite() && (q.length() - 1.0).abs() < 1e-2)
             && self.facings.iter().all(|f| f.is_finite());
         if !numbers {
@@ -157,6 +167,8 @@ pub fn check_constraints(motion: &Motion, constraints: &[Constraint]) -> Result<
             let both = a.frames().start.max(b.frames().start)..a.frames().end.min(b.frames().end);
             for frame in both {
                 let apart = a.position(frame).zip(b.position(frame)).map_or(0.0, |(a, b)| a.distance(b));
+                // Two points of one joint are never farther apart than in its own frame.
+                let apart = (apart - a.offset.distance(b.offset)).max(0.0);
                 let turned =
                     a.rotation(frame).zip(b.rotation(frame)).map_or(0.0, |(a, b)| angle_between(a, b));
                 if apart > SAME_PLACE || turned > SAME_TURN {

@@ -119,19 +119,27 @@ impl<'a> Edit<'a> {
     }
 
     /// On the way to a constraint and back, and from one to the next, a joint moves as a reaching hand does: with the least
-    /// jerk (Flash & Hogan 1985). Gives that way's places, as wishes: frame, joint, place.
-    fn ways(&self) -> Vec<(usize, Joint, Vec3)> {
-        let mut out: Vec<_> =
-            self.pelvis_way.iter().map(|&(frame, place)| (frame, Joint::Hips, place)).collect();
-        let mut joints: Vec<Joint> =
-            self.constraints.iter().filter(|c| !c.soft && !c.positions.is_empty()).map(|c| c.joint).collect();
-        joints.sort_unstable();
-        joints.dedup();
-        for joint in joints.into_iter().filter(|j| !is_foot(*j)) {
-            let own = |frame: usize| self.motion.postures[frame].pose().position(joint);
-            // How far the joint is asked away from where it was, frame by frame.
+    /// jerk (Flash & Hogan 1985). Gives that way's places as wishes, with their frames.
+    fn ways(&self) -> Vec<(usize, Term)> {
+        let wish = |joint, offset, target| Term::Point { joint, offset, target, sigma: Vec3::splat(WAY) };
+        let mut out: Vec<_> = self
+            .pelvis_way
+            .iter()
+            .map(|&(frame, place)| (frame, wish(Joint::Hips, Vec3::ZERO, place)))
+            .collect();
+        let mut points: Vec<(Joint, Vec3)> = Vec::new();
+        for c in self.constraints.iter().filter(|c| !c.soft && !c.positions.is_empty()) {
+            if !is_foot(c.joint) && !points.contains(&(c.joint, c.offset)) {
+                points.push((c.joint, c.offset));
+            }
+        }
+        points.sort_by_key(|p| p.0);
+        for (joint, offset) in points {
+            let own = |frame: usize| self.motion.postures[frame].pose().point(joint, offset);
+            // How far the point is asked away from where it was, frame by frame.
             let mut asked: Vec<Option<Vec3>> = vec![None; self.motion.len()];
-            for c in self.constraints.iter().filter(|c| c.joint == joint && !c.soft) {
+            let same = |c: &&Constraint| c.joint == joint && c.offset == offset && !c.soft;
+            for c in self.constraints.iter().filter(same) {
                 for frame in c.frames() {
                     asked[frame] = c.position(frame).map(|p| p - own(frame)).or(asked[frame]);
                 }
@@ -169,7 +177,8 @@ impl<'a> Edit<'a> {
                             }
                         }
                     };
-                    out.extend(moved.filter(|m| m.length() > 0.0).map(|m| (at, joint, own(at) + m)));
+                    let moved = moved.filter(|m| m.length() > 0.0);
+                    out.extend(moved.map(|m| (at, wish(joint, offset, own(at) + m))));
                 }
                 frame = end;
             }
@@ -242,6 +251,7 @@ impl<'a> Edit<'a> {
                 targets.push(Target {
                     frame,
                     joint: c.joint,
+                    offset: c.offset,
                     position: c.position(frame).map(|p| p - Vec3::Z * self.floor),
                     rotation: rotation.map(Mat3::from_quat),
                 });
@@ -293,9 +303,8 @@ impl<'a> Edit<'a> {
         let degrees = self.degrees();
         let mut terms: Vec<Vec<Term>> = self.span.clone().map(|frame| self.terms(frame)).collect();
         let first = self.span.start;
-        for (frame, joint, target) in self.ways() {
-            let sigma = Vec3::splat(WAY);
-            terms[frame - first].push(Term::Point { joint, offset: Vec3::ZERO, target, sigma });
+        for (frame, wish) in self.ways() {
+            terms[frame - first].push(wish);
         }
         let span = Span {
             postures,
@@ -351,7 +360,7 @@ impl<'a> Edit<'a> {
             let (place, turn) = if c.soft { SOFT } else { HARD };
             if let Some(target) = c.position(frame) {
                 let sigma = Vec3::splat(place);
-                out.push(Term::Point { joint: c.joint, offset: Vec3::ZERO, target, sigma });
+                out.push(Term::Point { joint: c.joint, offset: c.offset, target, sigma });
             }
             if let Some(target) = c.rotation(frame) {
                 out.push(Term::Turn { joint: c.joint, target, sigma: turn });
@@ -418,7 +427,7 @@ impl<'a> Edit<'a> {
             correct(&span, progress)
         };
         let miss = |c: &Constraint, frame: usize, posture: &Posture| {
-            c.position(frame).map(|target| posture.pose().position(c.joint) - target)
+            c.position(frame).map(|target| c.point(&posture.pose()) - target)
         };
         for c in constraints.iter().filter(|c| !c.soft && !c.positions.is_empty()) {
             let frames = c.frames();
@@ -500,7 +509,7 @@ pub(super) fn whole_span(
         let frames = c.frames();
         let away = |frame: usize| {
             let posture = motion.postures.get(frame)?;
-            Some(c.position(frame)?.distance(posture.pose().position(c.joint)))
+            Some(c.position(frame)?.distance(c.point(&posture.pose())))
         };
         let before = reach_frames(away(frames.start).unwrap_or_default(), settings);
         let after = reach_frames(away(frames.end - 1).unwrap_or_default(), settings);
@@ -538,7 +547,7 @@ pub fn constraint_figures(c: &Constraint, motion: &Motion) -> ConstraintFigures 
     for frame in c.frames() {
         let Some(posture) = motion.postures.get(frame) else { continue };
         let pose = posture.pose();
-        places.extend(c.position(frame).map(|p| 100.0 * p.distance(pose.position(c.joint))));
+        places.extend(c.position(frame).map(|p| 100.0 * p.distance(c.point(&pose))));
         turns.extend(c.rotation(frame).map(|q| angle_between(q, pose.rotation(c.joint)).to_degrees()));
         turns.extend(c.facing(frame).map(|f| wrap_angle(f - posture.planar().yaw).abs().to_degrees()));
     }

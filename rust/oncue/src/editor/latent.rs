@@ -40,6 +40,8 @@ pub trait Decoder: Sync {
 pub struct Target {
     pub frame: usize,
     pub joint: Joint,
+    /// The point of the joint that `position` places, in the joint's frame.
+    pub offset: Vec3,
     pub position: Option<Vec3>,
     pub rotation: Option<Mat3>,
 }
@@ -309,6 +311,11 @@ struct Loss<'a> {
     settings: &'a EditorSettings,
 }
 
+/// a·bᵀ: the gradient by R of a point R·b, where that by the point is a.
+fn outer(a: Vec3, b: Vec3) -> Mat3 {
+    Mat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
 /// How far the targets are missed, metres (a radian of rotation counts as 20 cm).
 struct Miss {
     mean: f32,
@@ -317,12 +324,20 @@ struct Miss {
 
 const RADIAN: f32 = 0.2;
 
+impl Target {
+    /// Where the point that it places is.
+    fn point(&self, k: &Kinematics) -> Vec3 {
+        let joint = self.joint.index();
+        k.positions[self.frame][joint] + k.rotations[self.frame][joint] * self.offset
+    }
+}
+
 impl Loss<'_> {
     fn miss(&self, k: &Kinematics) -> Miss {
         let (mut sum, mut largest) = (0.0, 0.0f32);
         for t in &self.targets {
             let joint = t.joint.index();
-            let place = t.position.map_or(0.0, |p| p.distance(k.positions[t.frame][joint]));
+            let place = t.position.map_or(0.0, |p| p.distance(t.point(k)));
             let turn = t.rotation.map_or(0.0, |r| (squared(&(k.rotations[t.frame][joint] - r)) / 2.0).sqrt());
             let miss = place.max(RADIAN * turn);
             sum += miss;
@@ -339,7 +354,7 @@ impl Loss<'_> {
         let mut sum = 0.0;
         for t in &self.targets {
             let joint = t.joint.index();
-            let place = t.position.map_or(0.0, |p| p.distance_squared(k.positions[t.frame][joint]));
+            let place = t.position.map_or(0.0, |p| p.distance_squared(t.point(k)));
             let turn = t
                 .rotation
                 .map_or(0.0, |r| RADIAN * RADIAN * squared(&(k.rotations[t.frame][joint] - r)) / 2.0);
@@ -390,7 +405,9 @@ impl Loss<'_> {
         for t in &self.targets {
             let joint = t.joint.index();
             if let Some(place) = t.position {
-                pass.d_positions[t.frame][joint] += scale * (k.positions[t.frame][joint] - place);
+                let d_point = scale * (t.point(k) - place);
+                pass.d_positions[t.frame][joint] += d_point;
+                pass.d_rotations[t.frame][joint] += outer(d_point, t.offset);
             }
             if let Some(rotation) = t.rotation {
                 pass.d_rotations[t.frame][joint] +=
@@ -557,9 +574,19 @@ mod tests {
         let (x, start) = from_motion(&motion);
         let settings = EditorSettings::default();
         let root = motion.postures.iter().map(|p| p.root_position.truncate() + 0.02).collect();
-        let at = |frame, joint: Joint, rotation| Target { frame, joint, position: Some(Vec3::ONE), rotation };
-        let targets =
-            vec![at(40, Joint::LeftHand, Some(Mat3::from_rotation_x(0.4))), at(90, Joint::Hips, None)];
+        let at = |frame, joint: Joint, offset, rotation| Target {
+            frame,
+            joint,
+            offset,
+            position: Some(Vec3::ONE),
+            rotation,
+        };
+        let turned = Some(Mat3::from_rotation_x(0.4));
+        let targets = vec![
+            at(40, Joint::LeftHand, Vec3::ZERO, turned),
+            at(60, Joint::RightHand, Vec3::new(-0.4, 0.2, 0.3), None),
+            at(90, Joint::Hips, Vec3::ZERO, None),
+        ];
         let loss = Loss { targets, feet: places(&motion), root, x: x.clone(), settings: &settings };
         let mut work = <Linear as Decoder>::Work::default();
         let mut z = decoder.encode(&x);
@@ -588,11 +615,16 @@ mod tests {
         }
     }
 
+    fn hand_at(frame: usize, place: Vec3) -> Target {
+        let (joint, offset) = (Joint::LeftHand, Vec3::ZERO);
+        Target { frame, joint, offset, position: Some(place), rotation: None }
+    }
+
     #[test]
     fn a_target_that_is_met_changes_nothing() {
         let motion = standing(150);
         let place = motion.postures[0].pose().position(Joint::LeftHand);
-        let targets = [Target { frame: 70, joint: Joint::LeftHand, position: Some(place), rotation: None }];
+        let targets = [hand_at(70, place)];
         let (feet, settings) = (places(&motion), EditorSettings::default());
         let wanted =
             Search { motion: &motion, span: 40..100, targets: &targets, feet: &feet, settings: &settings };
@@ -607,7 +639,7 @@ mod tests {
     fn the_search_comes_nearer_and_leaves_the_rest_alone() {
         let motion = standing(200);
         let place = motion.postures[0].pose().position(Joint::LeftHand) + Vec3::new(-0.05, -0.1, 0.05);
-        let targets = [Target { frame: 90, joint: Joint::LeftHand, position: Some(place), rotation: None }];
+        let targets = [hand_at(90, place)];
         let (feet, settings) =
             (places(&motion), EditorSettings { learning_rate: 0.02, ..Default::default() });
         let wanted =

@@ -4,6 +4,9 @@
 //! target frame for the τ frames of the path, as the paper has it. On the way (a rail, a wall) the motion keeps its
 //! length. The reach and the return take longer the farther the hand has to go.
 //!
+//! The paper has the hand's joint, the wrist, follow φ_M, and the hand stick through what it holds. **Oncue** carries the
+//! palm along it: the hand stays as it is turned to its forearm, so that the path leads the point where it grips.
+//!
 //! What a cue asks for after the motion's end the paper leaves open. Someone who ends standing or sitting still waits
 //! there: for a range that begins later, through one that ends later, and until the hand is back and the body upright.
 
@@ -20,6 +23,7 @@ use super::resolve::{Wishes, resolve};
 use crate::cue::{ActionType, Hand, ManipulationCue, Task};
 use crate::error::{Error, Result};
 use crate::math::planar::rotate;
+use crate::motion::skeleton::palm;
 use crate::motion::{FRAME_RATE, Joint, Motion};
 use crate::progress::Progress;
 use crate::scene::SceneIndex;
@@ -31,8 +35,8 @@ const APART: f32 = 0.20;
 const STILL: f32 = 0.004;
 /// For a cue nobody waits longer than this, seconds: a range so late is a slip of the keyboard.
 const LONGEST_WAIT: f32 = 120.0;
-/// No hand gets farther from the pelvis than this, metres: a trunk and an arm, stretched.
-const FARTHEST: f32 = 1.25;
+/// No palm gets farther from the pelvis than this, metres: a trunk, an arm and a hand, stretched.
+const FARTHEST: f32 = 1.33;
 
 /// Where a cue's path came to lie in the motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -185,8 +189,9 @@ fn place<'a>(
     for cue in cues.iter().filter(|c| c.first_frame.is_none()) {
         let Some(last) = motion.len().checked_sub(1) else { continue };
         let pose = motion.postures[last].pose();
-        let away =
-            |p: Vec3| joints(cue.hand).iter().map(|&j| pose.position(j).distance(p)).fold(0.0, f32::max);
+        let away = |p: Vec3| {
+            joints(cue.hand).iter().map(|&j| pose.point(j, palm(j)).distance(p)).fold(0.0, f32::max)
+        };
         let reach = reach_frames(away(cue.path[0]), settings);
         let back = reach_frames(away(cue.path[cue.path.len() - 1]), settings);
         hold(&mut motion, last, reach + cue.path.len() + back);
@@ -230,7 +235,7 @@ fn constraints(motion: &Motion, first: usize, cue: &ManipulationCue) -> Vec<Cons
                 _ => 0.0,
             };
             let path = cue.path.iter().map(|p| *p + to_left * side).collect();
-            Constraint::positions(&cue.name, joint, first, path)
+            Constraint { offset: palm(joint), ..Constraint::positions(&cue.name, joint, first, path) }
         })
         .collect()
 }

@@ -37,7 +37,7 @@ pub fn plain_ik(
             let point = |c: &Constraint| {
                 Some(Term::Point {
                     joint: c.joint,
-                    offset: glam::Vec3::ZERO,
+                    offset: c.offset,
                     target: c.position(frame)?,
                     sigma: glam::Vec3::splat(TARGET),
                 })

@@ -4,10 +4,10 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+use super::Manifold;
 use super::edit::ConstraintFigures;
 use super::manipulation::{Manipulated, ManipulationFigures, manipulate};
 use super::seat::{Seat, SeatFigures, SeatFit};
-use super::shipped_manifold;
 use crate::cue::{ActionType, Task};
 use crate::error::{Error, Result};
 use crate::motion::Motion;
@@ -32,7 +32,7 @@ pub struct EditedFigures {
 }
 
 /// E(M): fits `motion`, which is complete at frame `complete`, to its seat and carries the hands along their cues. What
-/// cannot be done leaves the motion as it was and is said in `problems`.
+/// cannot be done leaves the motion as it was and is said in `problems`. `manifold`: as in [`super::edit_motion`].
 ///
 /// # Errors
 /// `Cancelled`.
@@ -41,16 +41,16 @@ pub fn edit_for_task(
     task: &Task,
     complete: usize,
     scene: &SceneIndex,
+    manifold: Option<&Manifold>,
     settings: &EditorSettings,
     progress: &Progress,
 ) -> Result<EditedFigures> {
     let began = Instant::now();
-    let decoder = shipped_manifold();
     let floor = task.start.position.z;
     let mut out = EditedFigures { complete_frame: complete, ..Default::default() };
     if task.cue.action_type == ActionType::Sit {
         let seat = Seat { motion, cue: &task.cue, complete, scene: Some(scene), floor, settings };
-        match seat.fit(decoder, progress) {
+        match seat.fit(manifold, progress) {
             Ok(SeatFit { motion: fitted, figures, seat }) => {
                 *motion = fitted;
                 out.complete_frame = motion.len() - 1;
@@ -63,7 +63,7 @@ pub fn edit_for_task(
     }
     if !task.manipulations.is_empty() {
         progress.stage("Carrying the hands");
-        match manipulate(decoder, motion, &task.manipulations, Some(scene), floor, settings, progress) {
+        match manipulate(manifold, motion, &task.manipulations, Some(scene), floor, settings, progress) {
             Ok(Manipulated { motion: carried, cues, figures }) => {
                 *motion = carried;
                 out.manipulations = cues;

@@ -14,8 +14,9 @@ const THIGH: f32 = 0.05;
 const BACK: f32 = 0.08;
 /// σ of thighs in the seat and of the back in the backrest, metres.
 const TOUCH: f32 = 2e-3;
-/// A seat that the body is deeper in than this is not looked for, metres.
-const DEEPEST: f32 = 0.12;
+/// A seat that the body is deeper in than this is not looked for, metres: what lies higher over a thigh's underside is a desk
+/// or an armrest above the thigh, and a thigh that was lifted on it would pass through it.
+const DEEPEST: f32 = 0.08;
 /// Places along a thigh, as shares of its length, that the seat is looked for under.
 const UNDER_THIGH: [f32; 4] = [0.2, 0.45, 0.7, 0.9];
 const BACK_JOINTS: [Joint; 3] = [Joint::Spine1, Joint::Spine2, Joint::Neck];

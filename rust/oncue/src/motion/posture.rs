@@ -79,6 +79,11 @@ impl Pose {
         self.rotations[joint.index()]
     }
 
+    /// A point that moves with a joint, given in the joint's frame; world, metres.
+    pub fn point(&self, joint: Joint, offset: Vec3) -> Vec3 {
+        self.position(joint) + self.rotation(joint) * offset
+    }
+
     /// Recomputes one joint from its parent, which must be up to date.
     pub(crate) fn place(&mut self, posture: &Posture, joint: usize) {
         let parent = PARENT[joint];

@@ -159,6 +159,19 @@ pub const JOINT_OFFSET: [Vec3; JOINT_COUNT] = [
     Vec3::new(0.0, -0.13, -0.060),
 ];
 
+/// Where a hand holds what it holds: the middle of the grip before the palm, in the frame of the left hand's joint (the
+/// wrist), metres. The palm faces down in the rest pose; the right hand's is the mirror image.
+pub const LEFT_PALM: Vec3 = Vec3::new(0.08, 0.0, -0.02);
+
+/// The same of a hand's joint; zero for every other joint.
+pub fn palm(joint: Joint) -> Vec3 {
+    match joint {
+        LeftHand => LEFT_PALM,
+        RightHand => LEFT_PALM * Vec3::new(-1.0, 1.0, 1.0),
+        _ => Vec3::ZERO,
+    }
+}
+
 /// Height of the ankle (Foot) joint over the sole, metres.
 pub const ANKLE_HEIGHT: f32 = 0.085;
 /// Height of the ball of the foot (Toe joint) over the sole, metres.
