@@ -178,36 +178,43 @@ impl Call<'_> {
                 }
             }
             // Three rows a pointer: an x86 address has room for 0, 1 and 2 strides beside it.
-            let a = self.a.add(row * self.a_row);
-            let mut threes = [a; HIGHEST / 3];
-            for (i, three) in (0..ROWS.div_ceil(3)).zip(&mut threes) {
-                *three = a.add(3 * i * self.a_row);
+            let mut a = [self.a.add(row * self.a_row); HIGHEST / 3];
+            for i in 0..HIGHEST / 3 {
+                a[i] = a[i].add(3 * i.min((ROWS - 1) / 3) * self.a_row);
             }
             let mut b = self.b.add(column);
             for _ in 0..self.depth {
                 let (b0, b1) = (V::load(b), V::load(b.add(V::LANES)));
                 for r in 0..ROWS {
-                    let a = V::splat(*threes[r / 3].add(r % 3 * self.a_row));
+                    let a = V::splat(*a[r / 3].add(r % 3 * self.a_row));
                     sums[r][0] = sums[r][0].add_product(a, b0);
                     sums[r][1] = sums[r][1].add_product(a, b1);
                 }
-                for three in &mut threes {
-                    *three = three.wrapping_add(self.a_column);
+                for i in 0..HIGHEST / 3 {
+                    a[i] = a[i].wrapping_add(self.a_column);
                 }
                 b = b.wrapping_add(self.b_row);
             }
-            for r in 0..ROWS {
-                let at = r * self.c_row;
-                for half in 0..2 {
-                    let at = at + half * V::LANES;
-                    let sum = match self.finish {
-                        Finish::Plain => sums[r][half],
-                        Finish::Relu => sums[r][half].relu(),
-                        Finish::Passed(by) => sums[r][half]
-                            .where_positive(V::load(by.as_ptr().add(row * self.c_row + column + at))),
-                    };
-                    sum.store(c.add(at));
+            match self.finish {
+                Finish::Plain => {}
+                Finish::Relu => {
+                    for r in 0..ROWS {
+                        sums[r] = [sums[r][0].relu(), sums[r][1].relu()];
+                    }
                 }
+                Finish::Passed(by) => {
+                    let by = by.as_ptr().add(row * self.c_row + column);
+                    for r in 0..ROWS {
+                        let by = by.add(r * self.c_row);
+                        sums[r][0] = sums[r][0].where_positive(V::load(by));
+                        sums[r][1] = sums[r][1].where_positive(V::load(by.add(V::LANES)));
+                    }
+                }
+            }
+            for r in 0..ROWS {
+                let at = c.add(r * self.c_row);
+                sums[r][0].store(at);
+                sums[r][1].store(at.add(V::LANES));
             }
         }
     }
