@@ -27,6 +27,7 @@ pub mod progress;
 pub mod report;
 pub mod scene;
 pub mod settings;
+pub mod simd;
 pub mod synthesize;
 pub mod synthesizer;
 

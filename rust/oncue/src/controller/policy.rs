@@ -129,7 +129,11 @@ impl Policy {
 
     /// Means (logits, then vector) of normalised states, `rows × (TYPE_COUNT + vector_size)`, without the proposals.
     pub fn means<'a>(&self, states: &[f32], rows: usize, activations: &'a mut Activations) -> &'a [f32] {
-        self.policy.forward(states, rows, activations);
+        if rows == 1 {
+            self.policy.forward_one(states, activations);
+        } else {
+            self.policy.forward(states, rows, activations);
+        }
         activations.output()
     }
 }

@@ -1,4 +1,10 @@
-//! One safe door to the f32 kernels of `gemm`: C = A·B (+ C) on strided row-major views.
+//! C = A·B (+ C) on strided views: [`super::product`] for matrices that lie anyhow.
+
+use std::cell::RefCell;
+
+use super::product::{Finish, Padded, Start, TILE, multiply};
+use super::samples::Samples;
+use crate::simd::Level;
 
 /// A read-only matrix view: element (r, c) is `data[r * row_stride + c * col_stride]`.
 #[derive(Clone, Copy)]
@@ -27,11 +33,28 @@ impl<'a> View<'a> {
         }
     }
 
-    fn fits(&self) -> bool {
+    #[inline(always)]
+    pub fn at(&self, row: usize, column: usize) -> f32 {
+        self.data[row * self.row_stride + column * self.col_stride]
+    }
+
+    /// Whether all of its elements lie within the data.
+    pub fn fits(&self) -> bool {
         self.rows == 0
             || self.cols == 0
             || (self.rows - 1) * self.row_stride + (self.cols - 1) * self.col_stride < self.data.len()
     }
+}
+
+/// Matrices that a product needs in another form than they came in.
+#[derive(Default)]
+struct Scratch {
+    b: Samples,
+    c: Samples,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
 /// `c = a · b + (accumulate ? c : 0)`, with `c` dense row-major (a.rows × b.cols), on the calling thread.
@@ -39,41 +62,63 @@ impl<'a> View<'a> {
 /// # Panics
 /// When the shapes do not fit; shapes are fixed by the code, never by input.
 pub fn matmul(c: &mut [f32], a: View, b: View, accumulate: bool) {
+    matmul_at(Level::current(), c, a, b, accumulate);
+}
+
+/// [`matmul`] at a level that the processor has.
+pub(super) fn matmul_at(level: Level, c: &mut [f32], a: View, b: View, accumulate: bool) {
     assert_eq!(a.cols, b.rows);
     assert!(a.fits() && b.fits() && c.len() >= a.rows * b.cols);
     if a.rows == 0 || b.cols == 0 {
         return;
     }
-    // SAFETY: the three views were checked to lie within their slices, and `c` is borrowed mutably,
-    // so it aliases neither `a` nor `b`.
-    unsafe {
-        gemm_f32::gemm::f32::get_gemm_fn()(
-            a.rows,
-            b.cols,
-            a.cols,
-            c.as_mut_ptr(),
-            1,
-            b.cols as isize,
-            accumulate,
-            a.data.as_ptr(),
-            a.col_stride as isize,
-            a.row_stride as isize,
-            b.data.as_ptr(),
-            b.col_stride as isize,
-            b.row_stride as isize,
-            1.0,
-            1.0,
-            false,
-            false,
-            false,
-            gemm_common::Parallelism::None,
+    let columns = b.cols;
+    // What is not a whole number of tiles wide goes by way of the scratch.
+    let (whole, rest) = (columns / TILE * TILE, columns % TILE);
+    SCRATCH.with_borrow_mut(|scratch| {
+        let start = if accumulate { Start::Kept } else { Start::Zero };
+        let direct = b.col_stride == 1;
+        if whole > 0 && direct {
+            let (b, c) =
+                (Padded { data: b.data, stride: b.row_stride }, Padded { data: &mut *c, stride: columns });
+            multiply(level, c, a, b, whole, start, Finish::Plain);
+        }
+        let from = if direct { whole } else { 0 };
+        if from == columns {
+            return;
+        }
+        scratch.b.take(b, from);
+        if rest == 0 {
+            let c = Padded { data: c, stride: columns };
+            multiply(level, c, a, scratch.b.padded(), columns, start, Finish::Plain);
+            return;
+        }
+        scratch.c.reshape(a.rows, columns - from);
+        multiply(
+            level,
+            scratch.c.padded_mut(),
+            a,
+            scratch.b.padded(),
+            columns - from,
+            Start::Zero,
+            Finish::Plain,
         );
-    }
+        for (row, c) in c.chunks_exact_mut(columns).take(a.rows).enumerate() {
+            let (sums, c) = (scratch.c.row(row), &mut c[from..]);
+            if accumulate {
+                c.iter_mut().zip(sums).for_each(|(c, sum)| *c += sum);
+            } else {
+                c.copy_from_slice(sums);
+            }
+        }
+    });
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg32;
 
     #[test]
     fn a_product_by_hand() {
@@ -84,5 +129,38 @@ mod tests {
         assert_eq!(c, [5.0, 11.0, 14.0, 23.0]);
         matmul(&mut c, View::new(&b, 3, 2).t(), View::new(&a, 2, 3).t(), true);
         assert_eq!(c, [10.0, 25.0, 25.0, 46.0]);
+    }
+
+    /// Every level against the sum in double precision, over shapes with and without whole tiles, transposed or not.
+    #[test]
+    fn every_level_agrees_with_the_definition() {
+        let mut rng = Pcg32::seed_from_u64(1);
+        let shapes =
+            [(1, 1, 1), (1, 7, 256), (3, 32, 5), (12, 64, 40), (13, 33, 31), (23, 96, 400), (40, 70, 801)];
+        for level in Level::available() {
+            for (m, n, k) in shapes {
+                for (turn_a, turn_b, accumulate) in
+                    [(false, false, false), (true, false, true), (false, true, true), (true, true, false)]
+                {
+                    let random = |count: usize, rng: &mut Pcg32| -> Vec<f32> {
+                        (0..count).map(|_| rng.random_range(-1.0..1.0)).collect()
+                    };
+                    let (a, b) = (random(m * k, &mut rng), random(k * n, &mut rng));
+                    let before = random(m * n, &mut rng);
+                    let a = if turn_a { View::new(&a, k, m).t() } else { View::new(&a, m, k) };
+                    let b = if turn_b { View::new(&b, n, k).t() } else { View::new(&b, k, n) };
+                    let mut c = before.clone();
+                    matmul_at(level, &mut c, a, b, accumulate);
+                    for (i, (found, before)) in c.iter().zip(&before).enumerate() {
+                        let sum: f64 =
+                            (0..k).map(|k| f64::from(a.at(i / n, k)) * f64::from(b.at(k, i % n))).sum();
+                        let sum = sum + if accumulate { f64::from(*before) } else { 0.0 };
+                        // No more than a rounding of each term.
+                        let error = (sum - f64::from(*found)).abs();
+                        assert!(error < 1e-7 * (k + 1) as f64 + 1e-6, "{level} {m}×{n}×{k}: {found} {sum}");
+                    }
+                }
+            }
+        }
     }
 }

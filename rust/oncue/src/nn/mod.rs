@@ -1,4 +1,4 @@
-//! Small networks on `gemm` kernels: dense layers, temporal convolutions, Adam. Knows nothing of motion.
+//! Small networks: dense layers, temporal convolutions, Adam. Knows nothing of motion.
 //!
 //! The batch, not the product, is what is split over threads, in chunks of a fixed number of rows
 //! whose gradients are summed in order: the result does not depend on the number of threads.
@@ -8,6 +8,9 @@ pub mod conv1d;
 pub mod conv_stack;
 pub mod matmul;
 pub mod mlp;
+mod product;
+mod samples;
+mod vector;
 
 pub use adam::Adam;
 pub use conv_stack::{ConvStack, ConvWorkspace};

@@ -1,0 +1,131 @@
+//! How the numbers of a batch lie in memory for [`super::product`].
+
+use super::matmul::View;
+use super::product::{Padded, TILE};
+
+/// A matrix with its rows padded, so that whole tiles may be read and written.
+#[derive(Debug, Clone, Default)]
+pub struct Samples {
+    pub data: Vec<f32>,
+    pub rows: usize,
+    pub columns: usize,
+    stride: usize,
+}
+
+impl Samples {
+    /// Takes a shape; what it holds afterwards are any (finite) numbers.
+    pub fn reshape(&mut self, rows: usize, columns: usize) {
+        (self.rows, self.columns) = (rows, columns);
+        // An odd number of cache lines: powers of two would put every row into the same few sets of the cache.
+        self.stride = columns.next_multiple_of(TILE) + TILE / 2;
+        self.data.resize(rows * self.stride, 0.0);
+    }
+
+    /// Copies a dense row-major matrix.
+    pub fn copy(&mut self, dense: &[f32], rows: usize, columns: usize) {
+        self.reshape(rows, columns);
+        for (to, from) in self.data.chunks_exact_mut(self.stride).zip(dense.chunks_exact(columns)) {
+            to[..columns].copy_from_slice(from);
+        }
+    }
+
+    /// Takes the transpose of a dense row-major matrix of `rows × columns`.
+    pub fn transpose_dense(&mut self, dense: &[f32], rows: usize, columns: usize) {
+        self.reshape(columns, rows);
+        transpose(dense, columns, rows, columns, &mut self.data, self.stride);
+    }
+
+    /// Takes the columns of a view from `from` on.
+    pub fn take(&mut self, view: View, from: usize) {
+        let (rows, columns) = (view.rows, view.cols - from);
+        self.reshape(rows, columns);
+        let data = &view.data[(from * view.col_stride).min(view.data.len())..];
+        if view.row_stride == 1 {
+            return transpose(data, view.col_stride, columns, rows, &mut self.data, self.stride);
+        }
+        for row in 0..rows {
+            for column in 0..columns {
+                self.data[row * self.stride + column] = view.at(row, from + column);
+            }
+        }
+    }
+
+    /// Takes the transpose of another.
+    pub fn transpose(&mut self, other: &Samples) {
+        self.reshape(other.columns, other.rows);
+        transpose(&other.data, other.stride, other.rows, other.columns, &mut self.data, self.stride);
+    }
+
+    /// Writes the transpose as a dense row-major matrix.
+    pub fn write_transpose(&self, dense: &mut Vec<f32>) {
+        dense.resize(self.rows * self.columns, 0.0);
+        transpose(&self.data, self.stride, self.rows, self.columns, dense, self.rows);
+    }
+
+    /// The numbers of a row.
+    pub fn row(&self, row: usize) -> &[f32] {
+        &self.data[row * self.stride..][..self.columns]
+    }
+
+    pub fn view(&self) -> View<'_> {
+        View { data: &self.data, rows: self.rows, cols: self.columns, row_stride: self.stride, col_stride: 1 }
+    }
+
+    pub fn padded(&self) -> Padded<&[f32]> {
+        Padded { data: &self.data, stride: self.stride }
+    }
+
+    pub fn padded_mut(&mut self) -> Padded<&mut [f32]> {
+        Padded { data: &mut self.data, stride: self.stride }
+    }
+}
+
+/// `to[c][r] = from[r][c]`, in blocks that fit the registers.
+fn transpose(
+    from: &[f32],
+    from_stride: usize,
+    rows: usize,
+    columns: usize,
+    to: &mut [f32],
+    to_stride: usize,
+) {
+    const BLOCK: usize = 8;
+    for r in (0..rows).step_by(BLOCK) {
+        for c in (0..columns).step_by(BLOCK) {
+            if r + BLOCK > rows || c + BLOCK > columns {
+                for r in r..rows.min(r + BLOCK) {
+                    for c in c..columns.min(c + BLOCK) {
+                        to[c * to_stride + r] = from[r * from_stride + c];
+                    }
+                }
+                continue;
+            }
+            let mut block = [[0.0f32; BLOCK]; BLOCK];
+            for i in 0..BLOCK {
+                block[i].copy_from_slice(&from[(r + i) * from_stride + c..][..BLOCK]);
+            }
+            for j in 0..BLOCK {
+                let column: [f32; BLOCK] = std::array::from_fn(|i| block[i][j]);
+                to[(c + j) * to_stride + r..][..BLOCK].copy_from_slice(&column);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_transpose_by_hand_and_back() {
+        let dense: Vec<f32> = (0..9 * 17).map(|v| v as f32).collect();
+        let (mut turned, mut twice, mut back) = (Samples::default(), Samples::default(), Vec::new());
+        turned.transpose_dense(&dense, 9, 17);
+        assert_eq!((turned.rows, turned.columns), (17, 9));
+        assert_eq!(turned.row(3)[..3], [3.0, 20.0, 37.0]);
+        turned.write_transpose(&mut back);
+        assert_eq!(back, dense);
+        twice.transpose(&turned);
+        assert_eq!(twice.row(8), &dense[8 * 17..]);
+    }
+}
