@@ -274,7 +274,7 @@ impl Default for PpoSettings {
             log_std_offset: -1.2,
             entropy: 0.0,
             updates: 16,
-            solved: 0.5,
+            solved: 0.9,
             vary_start: 0.5,
             prior: true,
         }

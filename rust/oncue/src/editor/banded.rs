@@ -34,7 +34,7 @@ impl BandedMatrix {
     #[must_use]
     pub fn factorize(&mut self) -> bool {
         #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
+        if crate::simd::Level::current() >= crate::simd::Level::Avx2 {
             // SAFETY: the processor has what the function is compiled for.
             return unsafe { self.factorize_avx2() };
         }

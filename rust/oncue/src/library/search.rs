@@ -131,7 +131,7 @@ impl SearchIndex {
             return None;
         }
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
+        if crate::simd::Level::current() >= crate::simd::Level::Avx2 {
             // SAFETY: the processor has AVX2.
             return Some(unsafe { self.nearest_avx2(query, hint) });
         }

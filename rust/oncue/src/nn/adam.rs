@@ -38,7 +38,7 @@ impl Adam {
 
 fn descend(p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32], rate: f32, scale: f32) {
     #[cfg(target_arch = "x86_64")]
-    if std::arch::is_x86_feature_detected!("avx2") {
+    if crate::simd::Level::current() >= crate::simd::Level::Avx2 {
         // SAFETY: the processor has AVX2.
         return unsafe { descend_avx2(p, g, first, second, rate, scale) };
     }

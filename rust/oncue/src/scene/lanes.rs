@@ -143,7 +143,7 @@ pub fn splat<L: Lanes>(v: Vec3) -> [L; 3] {
 pub fn has_avx2() -> bool {
     #[cfg(target_arch = "x86_64")]
     {
-        is_x86_feature_detected!("avx2")
+        crate::simd::Level::current() >= crate::simd::Level::Avx2
     }
     #[cfg(not(target_arch = "x86_64"))]
     {
