@@ -1,6 +1,8 @@
 """Runs of the main job that are short enough for tests."""
 
 import json
+import os
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -14,6 +16,12 @@ QUICK = {
 
 def set_quick(scene):
     scene.oncue.overrides = json.dumps(QUICK)
+
+
+def forget_policies():
+    """Nothing is kept any more: neither by the extension here nor by `batch.py` without it, which keep in two places."""
+    for kept in Path(os.environ["BLENDER_USER_RESOURCES"]).rglob("*.oncuepolicy"):
+        kept.unlink()
 
 
 def keys_of(oncue, action):

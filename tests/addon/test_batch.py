@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 import pytest
 
-from .runs import QUICK, current_action, keys_of, set_quick
+from .runs import QUICK, current_action, forget_policies, keys_of, set_quick
 
 ROOT = Path(__file__).parents[2]
 
@@ -36,7 +36,7 @@ def test_the_same_keys_as_the_button(scene_file, oncue, core, tmp_path):
     scene = scene_file("stool")
     out, report = tmp_path / "out" / "out.blend", tmp_path / "out" / "out.json"
     # Both from where nothing was kept: a policy of an earlier test or of the first would be played.
-    oncue("bridge.policies").policy_cache(bpy.context).clear()
+    forget_policies()
     done = batch(scene, "--out", out, "--report", report, "--seed", 5, "--overrides", json.dumps(QUICK))
     assert done.returncode in {0, 3}, done.stderr
     written = json.loads(report.read_text())
@@ -47,7 +47,7 @@ def test_the_same_keys_as_the_button(scene_file, oncue, core, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(scene))
     set_quick(bpy.context.scene)
     bpy.context.scene.oncue.seed = 5
-    oncue("bridge.policies").policy_cache(bpy.context).clear()
+    forget_policies()
     bpy.ops.oncue.synthesize()
     pressed = keys_of(oncue, current_action())
     bpy.ops.wm.open_mainfile(filepath=str(out))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ..core.bvh import stepping
-from .runs import QUICK, current_action, keys_of, set_quick
+from .runs import QUICK, current_action, forget_policies, keys_of, set_quick
 from .test_batch import batch, failed
 
 
@@ -186,7 +186,7 @@ def test_batch_takes_a_manifold(fixtures, oncue, core, own, tmp_path):
     scene, out, report = (tmp_path / name for name in ("stool.blend", "out.blend", "out.json"))
     fixtures.save(scene)
     words = (scene, "--out", out, "--report", report, "--overrides", json.dumps(QUICK))
-    oncue("bridge.policies").policy_cache(bpy.context).clear()
+    forget_policies()
     done = batch(*words, "--manifold", own)
     assert done.returncode in {0, 3}, done.stderr
     written = json.loads(report.read_text())
@@ -194,7 +194,7 @@ def test_batch_takes_a_manifold(fixtures, oncue, core, own, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(scene))
     set_quick(bpy.context.scene)
     bpy.context.scene.oncue.manifold = str(own)
-    oncue("bridge.policies").policy_cache(bpy.context).clear()
+    forget_policies()
     pressed, _ = synthesized(oncue)
     bpy.ops.wm.open_mainfile(filepath=str(out))
     assert keys_of(oncue, current_action()) == pressed
