@@ -19,7 +19,7 @@ def set_quick(scene):
 
 
 def forget_policies():
-    """Nothing is kept any more: neither by the extension here nor by `batch.py` without it, which keep in two places."""
+    """Nothing is kept any more: neither by the extension nor by `batch.py` without it, in a folder of its own."""
     for kept in Path(os.environ["BLENDER_USER_RESOURCES"]).rglob("*.oncuepolicy"):
         kept.unlink()
 
