@@ -1,5 +1,7 @@
 //! The motion editor on motions of the starter library: constraints that nothing was tuned to, and what must not change.
 
+mod common;
+
 use std::sync::OnceLock;
 
 use glam::{Quat, Vec2, Vec3};
@@ -20,6 +22,8 @@ use oncue::settings::EditorSettings;
 use oncue::{
     ActionCue, ActionType, Error, Hand, ManipulationCue, Motion, MotionLibrary, Progress, SceneIndex,
 };
+
+use common::boxes::boxes;
 
 fn library() -> &'static MotionLibrary {
     static LIBRARY: OnceLock<MotionLibrary> = OnceLock::new();
@@ -144,22 +148,11 @@ fn out_of_reach_is_said_by_how_much_and_which_way() {
 
 /// A seat of boxes: the seat itself, and a backrest behind it.
 fn seat_scene(height: f32, depth: f32) -> SceneIndex {
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for (low, high) in [
+    let (positions, triangles) = boxes(&[
         ([-3.0, -3.0, -0.1], [3.0, 3.0, 0.0]),
         ([-0.25, -depth + 0.18, height - 0.06], [0.25, 0.18, height]),
         ([-0.25, 0.13, height], [0.25, 0.18, height + 0.4]),
-    ] {
-        let base = positions.len() as u32;
-        for i in 0..8 {
-            let pick = |axis: usize| if i & (1 << axis) == 0 { low[axis] } else { high[axis] };
-            positions.push(Vec3::new(pick(0), pick(1), pick(2)));
-        }
-        for q in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
-            triangles.push([base + q[0], base + q[1], base + q[2]]);
-            triangles.push([base + q[0], base + q[2], base + q[3]]);
-        }
-    }
+    ]);
     SceneIndex::build(&positions, &triangles, &Default::default(), &Progress::new()).expect("a scene")
 }
 

@@ -1,6 +1,8 @@
 //! Arms turn aside in a gap between two cupboards (posture offset, LAMA section 3.3): the room of the fixture `gap_room`,
 //! with the posture offset and without, otherwise alike and from scratch.
 
+mod common;
+
 use glam::Vec3;
 use oncue::library::database::MotionDatabase;
 use oncue::library::starter;
@@ -8,27 +10,18 @@ use oncue::motion::{BODY_BOXES, Limb, Pose};
 use oncue::scene::SceneIndex;
 use oncue::{ActionCue, ActionType, InitialState, Motion, Progress, Settings, Task, synthesize};
 
+use common::boxes::boxes;
+
 /// The gap is so wide, and the cupboards so deep, metres.
 const GAP: f32 = 0.55;
 const CUPBOARDS: (f32, f32) = (-0.9, -0.4);
 
 fn gap_room() -> SceneIndex {
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for (low, high) in [
+    let (positions, triangles) = boxes(&[
         ([-3.0, -4.0, -0.1], [3.0, 3.0, 0.0]),
         ([-3.0, CUPBOARDS.0, 0.0], [-GAP / 2.0, CUPBOARDS.1, 1.9]),
         ([GAP / 2.0, CUPBOARDS.0, 0.0], [3.0, CUPBOARDS.1, 1.9]),
-    ] {
-        let base = positions.len() as u32;
-        for i in 0..8 {
-            let pick = |axis: usize| if i & (1 << axis) == 0 { low[axis] } else { high[axis] };
-            positions.push(Vec3::new(pick(0), pick(1), pick(2)));
-        }
-        for q in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
-            triangles.push([base + q[0], base + q[1], base + q[2]]);
-            triangles.push([base + q[0], base + q[2], base + q[3]]);
-        }
-    }
+    ]);
     SceneIndex::build(&positions, &triangles, &Settings::default().scene, &Progress::new()).expect("a room")
 }
 

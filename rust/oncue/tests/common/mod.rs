@@ -1,6 +1,7 @@
 //! What several test files share: where the reference data lies, and readers for it.
 #![allow(dead_code)]
 
+pub mod boxes;
 pub mod glb;
 pub mod rooms;
 
