@@ -11,11 +11,11 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use glam::Vec3;
+use oncue::controller::KeptPolicy;
 use oncue::controller::episode::Environment;
-use oncue::controller::policy::{Policy, draw};
+use oncue::controller::policy::{Policy, Spread, draw};
 use oncue::controller::ppo::Ppo;
 use oncue::controller::rollout::{Rollout, Tuples};
-use oncue::controller::{KeptPolicy, state};
 use oncue::library::database::MotionDatabase;
 use oncue::library::feature::{Future, feature_size, write_feature};
 use oncue::library::search::SearchIndex;
@@ -163,7 +163,7 @@ fn recorded(environment: &Environment) -> [Recorded; 2] {
             let cue = &environment.task.cue;
             let character = &episode.character;
             let target = character.planar.relative(cue.planar());
-            if target.position.length() <= state::ACTION_RANGE {
+            if target.position.length() <= environment.database.reach(environment.task.cue.action_type) {
                 let mut query = vec![0.0; feature_size(ActionType::Sit)];
                 let height = cue.position.z - character.floor;
                 write_feature(pose, &Future::Complete(target, height), &mut query);
@@ -173,7 +173,7 @@ fn recorded(environment: &Environment) -> [Recorded; 2] {
             Policy::normalize(&mut numbers, &map);
             let means = policy.means(&numbers, 1, &mut activations);
             let means: Vec<f32> = means.iter().zip(&observation.proposal).map(|(m, p)| m + p).collect();
-            let drawn = draw(&means, observation.allowed, &policy.log_std, 1.0, &mut rng);
+            let drawn = draw(&means, observation.allowed, &Spread::of(&policy.log_std), 1.0, &mut rng);
             if drawn.action_type == ActionType::Walk as usize {
                 let signal = settings.signal.decode(ActionType::Walk, &drawn.vector, character.velocity());
                 let mut query = vec![0.0; feature_size(ActionType::Walk)];
@@ -289,7 +289,7 @@ fn decision(environment: &Environment, policy: &Policy) {
             observing += lap.elapsed().as_secs_f64();
             let mean: Vec<f32> = observation.proposal.clone();
             assert_eq!(mean.len(), width);
-            let drawn = draw(&mean, observation.allowed, &policy.log_std, 1.0, &mut rng);
+            let drawn = draw(&mean, observation.allowed, &Spread::of(&policy.log_std), 1.0, &mut rng);
             let lap = Instant::now();
             let outcome = environment.step(&mut episode, &observation, &drawn);
             stepping += lap.elapsed().as_secs_f64();

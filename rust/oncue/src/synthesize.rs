@@ -12,7 +12,7 @@ use crate::editor::{Manifold, check_manipulations, edit_for_task, shipped_manifo
 use crate::error::Result;
 use crate::library::database::MotionDatabase;
 use crate::metrics::{Residual, foot_figures, penetration_figures, residual, speed_figures};
-use crate::motion::{FRAME_RATE, Motion};
+use crate::motion::Motion;
 use crate::progress::Progress;
 use crate::report::{PolicySource, REPORT_VERSION, Report};
 use crate::scene::{SceneIndex, check_task};
@@ -76,16 +76,8 @@ pub fn synthesize_along(
     let Found { mut kept, policy, source, learning } =
         find_motion(&environment, &there, seed, progress, &mut laps)?;
 
-    let complete = kept.motion.len().saturating_sub(1);
+    let complete = kept.complete;
     let mut motion = std::mem::take(&mut kept.motion);
-    if kept.end == EpisodeEnd::Complete {
-        for _ in 0..(settings.synthesizer.hold_seconds * FRAME_RATE) as usize {
-            kept.episode.character.advance(database, &Default::default());
-            motion.postures.push(kept.episode.character.posture);
-            motion.contacts.push(kept.episode.character.contact);
-        }
-    }
-
     let edited = if settings.editor.fit && kept.end == EpisodeEnd::Complete {
         Some(edit_for_task(&mut motion, task, complete, scene, manifold, &settings.editor, progress)?)
     } else {
@@ -96,7 +88,7 @@ pub fn synthesize_along(
 
     progress.stage("Measuring");
     let floor = task.start.position.z;
-    let seat = kept.episode.action_from.zip(task.cue.seat_height());
+    let seat = kept.action_from.zip(task.cue.seat_height());
     let cues: Vec<_> = residual(&task.cue, &motion, complete).into_iter().collect();
     let foot = foot_figures(&motion, floor);
     let ignore = settings.reward.ignore_below;
@@ -116,7 +108,7 @@ pub fn synthesize_along(
         cues,
         foot,
         penetration,
-        speed: speed_figures(&motion, &database.usual_turns),
+        speed: speed_figures(&motion, &database.turns.usual),
         edited,
         frames: motion.len(),
         path_m: kept.tally.travelled,
@@ -142,6 +134,9 @@ fn policies_there<'a>(
     let kept = kept.map(|k| (k, PolicySource::Kept));
     prior.into_iter().chain(kept).filter(|(policy, _)| policy.fits(settings)).collect()
 }
+
+/// Between the seeds of the rollouts before and after optimizing.
+const AGAIN: u64 = 1 << 32;
 
 struct Found {
     kept: KeptMotion,
@@ -177,6 +172,7 @@ fn find_motion(
     };
 
     progress.stage("Playing the policy");
+    let mut before: Option<KeptMotion> = None;
     for &(start, source) in there {
         let kept = keep_motion(environment, &start.policy, seed, progress)?;
         laps.done("play");
@@ -184,6 +180,7 @@ fn find_motion(
             let policy = KeptPolicy { origin: origin_from(Some(start)), ..start.clone() };
             return Ok(Found { kept, policy, source, learning: Learning::default() });
         }
+        before = before.into_iter().chain([kept]).min_by(|a, b| a.cost.total_cmp(&b.cost));
     }
 
     let (start, source) =
@@ -193,13 +190,17 @@ fn find_motion(
     let optimized = optimize_policy(std::slice::from_ref(environment), begin, seed, progress)?;
     laps.done("optimize");
     progress.stage("Choosing the best motion");
-    let kept = keep_motion(environment, &optimized.policy, seed, progress)?;
+    // Other rollouts than before: where the policy needed no update, the same would come again.
+    let mut kept = keep_motion(environment, &optimized.policy, seed.wrapping_add(AGAIN), progress)?;
     laps.done("keep");
     let mut origin = origin_from(start);
     origin.request = request_of(task, settings, seed);
     origin.updates += optimized.curve.len();
     origin.environment_steps += optimized.environment_steps;
     origin.success_rate = kept.succeeded as f32 / kept.rollouts.max(1) as f32;
+    if let Some(before) = before.filter(|before| before.cost < kept.cost) {
+        kept = before;
+    }
     let learning = Learning {
         curve: optimized.curve,
         environment_steps: optimized.environment_steps,

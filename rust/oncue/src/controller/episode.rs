@@ -16,7 +16,7 @@ use crate::library::database::MotionDatabase;
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
-use crate::motion::{Motion, Posture};
+use crate::motion::{FRAME_RATE, Motion, Posture};
 use crate::scene::{ClearPath, SceneIndex};
 use crate::settings::Settings;
 use crate::synthesizer::{Character, PostureOffset};
@@ -84,6 +84,8 @@ pub struct Episode {
     /// Mean r_coli of the last frames, and where the root was.
     collisions: [f32; 5],
     trail: Vec<Vec2>,
+    /// Where the next search for the action may begin: the last one's find, played on.
+    likely_action: Option<usize>,
     /// Frame at which the sit or stop was entered.
     pub action_from: Option<usize>,
     /// The motion, if it is recorded.
@@ -162,6 +164,7 @@ impl<'a> Environment<'a> {
             before,
             collisions: [1.0; 5],
             trail: vec![start.position],
+            likely_action: None,
             action_from: None,
             record: None,
         }
@@ -169,7 +172,7 @@ impl<'a> Environment<'a> {
 
     /// s_t and what is open.
     pub fn observe(&self, episode: &Episode, out: &mut [f32]) -> Observation {
-        observe(self, &episode.character, &episode.before, out)
+        observe(self, &episode.character, &episode.before, episode.likely_action, out)
     }
 
     /// Plays a_t for N frames, or a sit or stop to its end.
@@ -199,6 +202,7 @@ impl<'a> Environment<'a> {
             episode.character.align(&self.task.cue);
             episode.action_from = Some(episode.tally.frames);
         }
+        episode.likely_action = observation.action.map(|a| a.found.frame + settings.synthesizer.search_every);
         let smooth = transition_reward(cost, &settings.reward);
         let (mean, end) = self.play(episode, &signal.posture_offset, action.is_some());
         let mut reward = settings.reward.w_tr * mean.trajectory + settings.reward.w_reg * mean.regularization
@@ -335,6 +339,13 @@ impl<'a> Environment<'a> {
             }
         }
         (frame >= termination.longest).then_some(EpisodeEnd::TooLong)
+    }
+
+    /// Plays on for as long as a motion is held after its action is complete.
+    pub fn hold(&self, episode: &mut Episode) {
+        for _ in 0..(self.settings.synthesizer.hold_seconds * FRAME_RATE) as usize {
+            self.frame(episode, &PostureOffset::default(), true, &mut Means::default());
+        }
     }
 
     /// How narrow the way is here and where the next second leads at this velocity: 0 from the scene's `free_clearance`

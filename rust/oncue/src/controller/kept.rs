@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use super::episode::{Environment, Episode, EpisodeEnd, Tally};
-use super::policy::{Draw, Policy, TYPE_COUNT, draw};
+use super::policy::{Draw, Policy, Spread, TYPE_COUNT, draw};
 use crate::error::Result;
 use crate::math::Planar;
 use crate::motion::{FRAME_RATE, Motion};
@@ -22,15 +22,19 @@ const HOLD: f32 = 0.8;
 /// The kept motion and its figures.
 #[derive(Debug, Clone)]
 pub struct KeptMotion {
-    /// From the first frame (standing at the start) to the completed action.
+    /// From the first frame (standing at the start) to the end; a completed action is held for a while.
     pub motion: Motion,
+    /// The frame on which the action is complete, else the last.
+    pub complete: usize,
+    /// Frame at which the sit or stop was entered.
+    pub action_from: Option<usize>,
     pub end: EpisodeEnd,
     pub tally: Tally,
+    /// What an artist would mind in it, in one number.
+    pub cost: f32,
     /// Rollouts that were played, and how many of them met the cue.
     pub rollouts: usize,
     pub succeeded: usize,
-    /// The episode, to be played on.
-    pub episode: Episode,
 }
 
 /// A rollout: the decisions that make it, and what it is worth.
@@ -86,14 +90,16 @@ pub fn keep_motion(
         best.truncate(settings.branches.max(1));
     }
     let best = best.into_iter().next().ok_or(crate::error::Error::Cancelled)?;
-    let episode = record(environment, &best);
+    let (episode, complete) = record(environment, &best);
     Ok(KeptMotion {
-        motion: episode.record.clone().unwrap_or_default(),
+        action_from: episode.action_from,
+        motion: episode.record.unwrap_or_default(),
+        complete,
         end: best.end,
         tally: best.tally,
+        cost: best.cost,
         rollouts,
         succeeded,
-        episode,
     })
 }
 
@@ -121,6 +127,9 @@ fn play(
     let mut episode = environment.begin(&mut Pcg64::seed_from_u64(start_seed));
     let mut draws = prefix.to_vec();
     let end = play_on(environment, policy, map, &mut episode, &mut draws, spread, &mut rng);
+    if end == EpisodeEnd::Complete {
+        environment.hold(&mut episode);
+    }
     let cost = cost(environment, end, &episode);
     Candidate { seed: start_seed, draws, end, tally: episode.tally, cost }
 }
@@ -147,7 +156,7 @@ fn play_on(
             if spread > 0.0 {
                 vary_arms(environment, episode, draws.last(), &mut mean, &mut log_std);
             }
-            draws.push(draw(&mean, observation.allowed, &log_std, spread, rng));
+            draws.push(draw(&mean, observation.allowed, &Spread::of(&log_std), spread, rng));
         }
         if let Some(end) = environment.step(episode, &observation, &draws[decision]).end {
             return end;
@@ -195,8 +204,8 @@ pub fn play_once(
     (end, episode.tally)
 }
 
-/// Plays a candidate again, keeping every posture.
-fn record(environment: &Environment, candidate: &Candidate) -> Episode {
+/// Plays a candidate again, keeping every posture; with the frame on which it ended before it was held.
+fn record(environment: &Environment, candidate: &Candidate) -> (Episode, usize) {
     let mut episode = environment.begin(&mut Pcg64::seed_from_u64(candidate.seed));
     episode.record =
         Some(Motion { postures: vec![episode.character.posture], contacts: vec![episode.character.contact] });
@@ -205,7 +214,11 @@ fn record(environment: &Environment, candidate: &Candidate) -> Episode {
         let observation = environment.observe(&episode, &mut state);
         environment.step(&mut episode, &observation, drawn);
     }
-    episode
+    let complete = episode.tally.frames;
+    if candidate.end == EpisodeEnd::Complete {
+        environment.hold(&mut episode);
+    }
+    (episode, complete)
 }
 
 /// What an artist would mind, in one number: a missed cue most, then limbs in furniture, then visible

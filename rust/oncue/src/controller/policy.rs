@@ -146,11 +146,30 @@ pub struct Draw {
     pub log_probability: f32,
 }
 
-/// Draws an action; `greedy` takes the mean and the likeliest type.
+/// The spread of π's vector about its mean, each number by itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Spread {
+    std: Vec<f32>,
+    pub inverse: Vec<f32>,
+    /// log of the density at the mean.
+    peak: f32,
+}
+
+impl Spread {
+    /// Of the logarithms of the standard deviations.
+    pub fn of(log_std: &[f32]) -> Self {
+        const HALF_LOG_TAU: f32 = 0.918_938_5;
+        let std: Vec<f32> = log_std.iter().map(|s| s.exp()).collect();
+        let inverse = std.iter().map(|s| 1.0 / s).collect();
+        Self { std, inverse, peak: -log_std.iter().map(|s| s + HALF_LOG_TAU).sum::<f32>() }
+    }
+}
+
+/// Draws an action; `spread` 0 takes the mean and the likeliest type, 1 draws from π.
 pub fn draw(
     mean: &[f32],
     allowed: [bool; TYPE_COUNT],
-    log_std: &[f32],
+    gaussian: &Spread,
     spread: f32,
     rng: &mut impl Rng,
 ) -> Draw {
@@ -174,13 +193,13 @@ pub fn draw(
     };
     let vector: Vec<f32> = mean
         .iter()
-        .zip(log_std)
+        .zip(&gaussian.std)
         .map(|(m, s)| {
             let n: f32 = StandardNormal.sample(rng);
-            m + spread * s.exp() * n
+            m + spread * s * n
         })
         .collect();
-    let log_probability = log_probability(&p, action_type, mean, &vector, log_std);
+    let log_probability = log_probability(&p, action_type, mean, &vector, gaussian);
     Draw { action_type, vector, log_probability }
 }
 
@@ -201,19 +220,15 @@ pub fn log_probability(
     action_type: usize,
     mean: &[f32],
     vector: &[f32],
-    log_std: &[f32],
+    gaussian: &Spread,
 ) -> f32 {
-    const HALF_LOG_TAU: f32 = 0.918_938_5;
-    let continuous: f32 = mean
+    let squares: f32 = mean
         .iter()
         .zip(vector)
-        .zip(log_std)
-        .map(|((m, v), s)| {
-            let d = (v - m) / s.exp();
-            -0.5 * d * d - s - HALF_LOG_TAU
-        })
+        .zip(&gaussian.inverse)
+        .map(|((m, v), inverse)| ((v - m) * inverse).powi(2))
         .sum();
-    p[action_type].max(1e-8).ln() + continuous
+    p[action_type].max(1e-8).ln() + gaussian.peak - 0.5 * squares
 }
 
 #[cfg(test)]
@@ -234,7 +249,7 @@ mod tests {
         let p = type_probabilities(&[0.0, 50.0, 0.0], [true, false, true]);
         assert_eq!(p, [0.5, 0.0, 0.5]);
         // One standard normal at its mean, worked by hand.
-        let l = log_probability(&[1.0, 0.0, 0.0], 0, &[0.3], &[0.3], &[0.0]);
+        let l = log_probability(&[1.0, 0.0, 0.0], 0, &[0.3], &[0.3], &Spread::of(&[0.0]));
         assert!((l + 0.918_938_5).abs() < 1e-6);
     }
 }

@@ -5,7 +5,7 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use super::policy::{Policy, TYPE_COUNT, log_probability, type_probabilities};
+use super::policy::{Policy, Spread, TYPE_COUNT, log_probability, type_probabilities};
 use super::rollout::Tuples;
 use crate::error::Result;
 use crate::nn::{Activations, Adam, CHUNK_ROWS};
@@ -199,13 +199,17 @@ impl Chunk {
         policy.policy.forward(&self.states, rows.len(), &mut self.policy_activations);
         self.d_policy.clear();
         self.d_policy.resize(rows.len() * width, 0.0);
+        let gaussian = Spread::of(&policy.log_std);
+        let mut mean = vec![0.0; width];
         for (i, &t) in rows.iter().enumerate() {
             let output = &self.policy_activations.output()[i * width..(i + 1) * width];
             let proposal = &tuples.proposals[t * width..(t + 1) * width];
-            let mean: Vec<f32> = output.iter().zip(proposal).map(|(m, p)| m + p).collect();
+            for ((mean, m), p) in mean.iter_mut().zip(output).zip(proposal) {
+                *mean = m + p;
+            }
             let vector = &tuples.vectors[t * vector_size..(t + 1) * vector_size];
             let p = type_probabilities(&mean[..TYPE_COUNT], tuples.allowed[t]);
-            let new = log_probability(&p, tuples.types[t], &mean[TYPE_COUNT..], vector, &policy.log_std);
+            let new = log_probability(&p, tuples.types[t], &mean[TYPE_COUNT..], vector, &gaussian);
             let ratio = (new - tuples.log_probabilities[t]).clamp(-20.0, 20.0).exp();
             let advantage = advantages[t];
             // The clipped objective is flat where the ratio has already moved far enough.
@@ -220,9 +224,8 @@ impl Chunk {
                 }
             }
             for k in 0..vector_size {
-                let std = policy.log_std[k].exp();
-                let z = (vector[k] - mean[TYPE_COUNT + k]) / std;
-                d[TYPE_COUNT + k] = d_log * z / std;
+                let z = (vector[k] - mean[TYPE_COUNT + k]) * gaussian.inverse[k];
+                d[TYPE_COUNT + k] = d_log * z * gaussian.inverse[k];
                 self.std_gradient[k] += d_log * (z * z - 1.0) - settings.entropy;
             }
         }
@@ -291,7 +294,8 @@ mod tests {
                 let mut normal = state;
                 Policy::normalize(&mut normal, &policy.normalizer.map());
                 let mean = policy.means(&normal, 1, &mut act).to_vec();
-                let drawn = super::super::policy::draw(&mean, [true; 3], &policy.log_std, 1.0, &mut rng);
+                let drawn =
+                    super::super::policy::draw(&mean, [true; 3], &Spread::of(&policy.log_std), 1.0, &mut rng);
                 tuples.states.extend(state);
                 tuples.proposals.extend(vec![0.0; width]);
                 tuples.allowed.push([true; 3]);

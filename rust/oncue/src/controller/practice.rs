@@ -5,7 +5,7 @@
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec2Swizzles, Vec3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -49,12 +49,14 @@ pub fn practice_room(seed: u64) -> PracticeRoom {
     let size = Vec2::new(rng.random_range(3.2..7.5), rng.random_range(3.0..6.5));
     let mut maker = Maker { room: PracticeRoom::default(), size, taken: Vec::new() };
     maker.walls(&mut rng);
+    maker.desk(&mut rng);
     let pieces = (size.x * size.y / 2.4) as usize + rng.random_range(0..3usize);
     for i in 0..pieces {
         match rng.random_range(0..10) {
             _ if i == 0 => maker.against_wall(sofa(&mut rng), &mut rng),
             0 | 1 => maker.against_wall(sofa(&mut rng), &mut rng),
             2 | 3 => maker.table_with_chairs(&mut rng),
+            4 if rng.random::<f32>() < 0.5 => maker.counter(&mut rng),
             4 => maker.anywhere(stool(&mut rng), &mut rng),
             5 | 6 => maker.against_wall(cabinet(&mut rng), &mut rng),
             7 => maker.anywhere(chair(&mut rng), &mut rng),
@@ -221,6 +223,61 @@ impl Maker {
                     self.put(&chair, place, facing, -0.3);
                 }
             }
+            return;
+        }
+    }
+
+    /// A desk against a wall with its chair, which leaves so little room that one sits down from the side.
+    fn desk(&mut self, rng: &mut impl Rng) {
+        let (desk, chair) = (table(rng), chair(rng));
+        let out = rng.random_range(0.05..0.35);
+        for _ in 0..TRIES {
+            let yaw = FRAC_PI_2 * rng.random_range(0..4) as f32;
+            let along = if yaw.sin().abs() > 0.5 { self.size.yx() } else { self.size };
+            let slack = along.x / 2.0 - desk.half.x;
+            // The chair faces the wall.
+            let local = Vec2::new(rng.random_range(-slack..slack), along.y / 2.0 - desk.half.y - 0.01);
+            let room = Vec2::new(desk.half.x.max(0.8), desk.half.y + 0.75);
+            let around = local - Vec2::new(0.0, 0.7);
+            if !self.is_free(&Footprint { at: rotate(yaw, around), yaw, half: room }, 0.0) {
+                continue;
+            }
+            let half = desk.half;
+            self.force(&desk, Footprint { at: rotate(yaw, local), yaw, half });
+            let sideways = rng.random_range(-0.15..0.15);
+            let place = local - Vec2::new(sideways, half.y + out);
+            self.force(&chair, Footprint { at: rotate(yaw, place), yaw: yaw + PI, half: chair.half });
+            let clear = Vec2::new(0.8, 0.5);
+            self.taken.push(Footprint { at: rotate(yaw, place), yaw, half: clear });
+            return;
+        }
+    }
+
+    /// A counter with high stools before it, some pulled out so little that their riders mount from the side.
+    fn counter(&mut self, rng: &mut impl Rng) {
+        let half = Vec2::new(rng.random_range(1.0..2.2), rng.random_range(0.35..0.6)) / 2.0;
+        let height = rng.random_range(0.88..1.1);
+        let top = part((-half.x, half.x), (-half.y, half.y), (height - 0.04, height));
+        let body = part((-half.x, half.x), (-0.5 * half.y, half.y), (0.0, height));
+        let counter = Piece { parts: vec![top, body], half, seat: None };
+        for _ in 0..TRIES {
+            let (at, yaw) = (self.random_place(1.0, rng), rng.random_range(-PI..PI));
+            let whole = Footprint { at, yaw, half: half + Vec2::new(0.2, 0.9) };
+            if !self.is_free(&whole, 0.1) {
+                continue;
+            }
+            self.force(&counter, Footprint { at, yaw, half });
+            for x in [-0.5 * half.x, 0.5 * half.x] {
+                let mut stool = stool(rng);
+                let lift = (height - rng.random_range(0.22..0.32)) - stool.parts[0].1.z;
+                stool.parts.iter_mut().for_each(|p| p.1.z += lift);
+                stool.parts[0].0.z = stool.parts[0].0.z.min(stool.parts[0].1.z - 0.05);
+                stool.seat = stool.seat.map(|s| s + Vec3::Z * lift);
+                let out = stool.half.y + rng.random_range(-0.05..0.35);
+                let place = at + rotate(yaw, Vec2::new(x, -half.y - out));
+                self.put(&stool, place, yaw + PI, -0.25);
+            }
+            self.taken.push(whole);
             return;
         }
     }

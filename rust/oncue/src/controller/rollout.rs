@@ -10,7 +10,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use super::episode::{Environment, Episode, EpisodeEnd};
-use super::policy::{Policy, TYPE_COUNT, draw};
+use super::policy::{Policy, Spread, TYPE_COUNT, draw};
 use crate::nn::Activations;
 use crate::progress::Progress;
 
@@ -135,6 +135,7 @@ impl Group {
         let mut out: Vec<Tuples> = (0..GROUP).map(|_| Tuples::default()).collect();
         let mut states = vec![0.0; GROUP * size];
         let mut activations = Activations::default();
+        let gaussian = Spread::of(&policy.log_std);
         for step in 0..=steps {
             if progress.is_cancelled() {
                 break;
@@ -162,7 +163,7 @@ impl Group {
                     .zip(&observation.proposal)
                     .map(|(m, p)| m + p)
                     .collect();
-                let drawn = draw(&mean, observation.allowed, &policy.log_std, 1.0, &mut self.rng);
+                let drawn = draw(&mean, observation.allowed, &gaussian, 1.0, &mut self.rng);
                 let slot = &mut self.slots[i];
                 let environment = &environments[slot.environment];
                 let outcome = environment.step(&mut slot.episode, observation, &drawn);

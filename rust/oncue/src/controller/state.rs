@@ -20,8 +20,10 @@ use crate::motion::{FRAME_RATE, Posture};
 use crate::settings::StateSettings;
 use crate::synthesizer::Character;
 
-/// Beyond this many metres from the cue no sit or stop is looked for.
-pub const ACTION_RANGE: f32 = 3.0;
+/// Within so many metres of way the end of a way from the side is looked for…
+const ARRIVAL_RANGE: f32 = 2.0;
+/// …and this near to it one turns the back to the seat.
+const ARRIVED: f32 = 0.25;
 
 /// A sit or stop that would be possible now.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,16 +60,19 @@ pub fn state_size(settings: &StateSettings) -> usize {
 const ROTATIONS: usize = 6 * (JOINT_COUNT - 1);
 /// θ_up, h, p_e and its velocity, contacts, root velocity.
 const BODY_SIZE: usize = 1 + 1 + 15 + 15 + 2 + 2;
-const PATH_SIZE: usize = 1 + 2 * AHEAD.len();
+/// Way left, points on it, and the facing at its end.
+const PATH_SIZE: usize = 1 + 2 * AHEAD.len() + 2;
 const AHEAD: [f32; 3] = [0.5, 1.0, 2.0];
 /// Cue: place (near and far scale), facing, height, distance; the open action; the type asked for.
 const INTERACTION_SIZE: usize = 2 + 2 + 2 + 1 + 1 + 5 + 2;
 
-/// Writes s_t to `out` (as long as [`state_size`]) and says what is open and proposed.
+/// Writes s_t to `out` (as long as [`state_size`]) and says what is open and proposed. `likely`: a database frame near
+/// which the best sit or stop may be found; it only speeds that up.
 pub fn observe(
     environment: &Environment,
     character: &Character,
     before: &Posture,
+    likely: Option<usize>,
     out: &mut [f32],
 ) -> Observation {
     let settings = &environment.settings;
@@ -128,7 +133,7 @@ pub fn observe(
     }
     push(environment.task.cue.position.z - character.floor);
     push((distance / 3.0).min(2.0));
-    let action = find_action(environment, character, &query, distance);
+    let action = find_action(environment, character, &query, distance, likely);
     let a = action.as_ref();
     push(a.map_or(0.0, |a| f32::from(u8::from(a.accepted))));
     push(a.map_or(2.0, |a| a.position.min(2.0)));
@@ -140,13 +145,24 @@ pub fn observe(
     push(f32::from(u8::from(wanted == ActionType::Stop)));
 
     let remaining = environment.path.distance(here.position);
+    // Only a seat that is entered from its side is faced otherwise than the cue, and only close by does it matter.
+    let arrival = (remaining < ARRIVAL_RANGE && environment.path.from_the_side())
+        .then(|| environment.path.arrival_from(here.position))
+        .flatten();
+    // One second ahead at the pace, slower over the last half metre, and a look beyond.
+    let stride = settings.signal.pace * (remaining / 0.6).clamp(0.35, 1.0);
+    let [stride_end, beyond, way @ ..] =
+        environment.path.points_ahead(here.position, [stride, stride + 0.3, AHEAD[0], AHEAD[1], AHEAD[2]]);
     if settings.state.clear_path {
         push((remaining / 3.0).min(3.0));
-        for (ahead, point) in AHEAD.into_iter().zip(environment.path.points_ahead(here.position, AHEAD)) {
+        for (ahead, point) in AHEAD.into_iter().zip(way) {
             let local = here.point_to_local(point);
             push(local.x / ahead);
             push(local.y / ahead);
         }
+        let facing = arrival.map_or(environment.task.cue.yaw, |a| a.yaw) - here.yaw;
+        push(facing.sin());
+        push(facing.cos());
     }
     debug_assert_eq!(at, out.len());
 
@@ -156,7 +172,8 @@ pub fn observe(
     allowed[wanted as usize] |= accepted;
     let mut proposal = vec![0.0; TYPE_COUNT + settings.signal.vector_size()];
     if settings.signal.propose_clear_path {
-        propose(environment, here, velocity, remaining, a, &mut proposal);
+        let way = Way { remaining, stride_end, beyond, arrival };
+        propose(environment, here, velocity, &way, a, &mut proposal);
     }
     Observation { allowed, proposal, query: Some(Box::new(query)), action }
 }
@@ -171,23 +188,26 @@ fn find_action(
     character: &Character,
     query: &PoseFeature,
     distance: f32,
+    likely: Option<usize>,
 ) -> Option<ActionMatch> {
-    if distance > ACTION_RANGE {
+    let cue = &environment.task.cue;
+    // From farther away than any action of the library reaches, none could be accepted.
+    let synthesizer = &environment.settings.synthesizer;
+    if distance > environment.database.reach(cue.action_type) + synthesizer.refuse_position {
         return None;
     }
-    let cue = &environment.task.cue;
     let target = character.planar.relative(cue.planar());
     let height = cue.position.z - character.floor;
     let mut feature = [0.0; MAX_FEATURE];
     let size = feature_size(cue.action_type);
     write_feature(query, &Future::Complete(target, height), &mut feature[..size]);
-    let found = environment.database.search(cue.action_type, &feature[..size], None)?;
+    let found = environment.database.search(cue.action_type, &feature[..size], likely)?;
     let Some(Future::Complete(end, end_height)) = environment.database.future(cue.action_type, found.frame)
     else {
         return None;
     };
     let posture = environment.transition_cost(query, found.frame);
-    let settings = &environment.settings.synthesizer;
+    let settings = synthesizer;
     let sits = cue.action_type == ActionType::Sit;
     let matched = ActionMatch {
         found,
@@ -204,12 +224,23 @@ fn find_action(
     Some(ActionMatch { accepted, ..matched })
 }
 
+/// The way to the cue from where the character is.
+struct Way {
+    /// Metres.
+    remaining: f32,
+    /// Where a second's walk along it ends, and a place beyond.
+    stride_end: Vec2,
+    beyond: Vec2,
+    /// Where to stand, and which way to face, before a seat that is entered from its side.
+    arrival: Option<Planar>,
+}
+
 /// The step along the shortest clear path, and to sit where a sit fits.
 fn propose(
     environment: &Environment,
     here: Planar,
     velocity: Vec2,
-    remaining: f32,
+    way: &Way,
     action: Option<&ActionMatch>,
     out: &mut [f32],
 ) {
@@ -223,19 +254,19 @@ fn propose(
     } else {
         types[wanted] = -4.0;
     }
-    let goal = environment.path.goal();
-    // One second ahead at the pace; slower over the last half metre.
-    let stride = settings.pace * (remaining / 0.6).clamp(0.35, 1.0);
-    let ahead =
-        if remaining.is_finite() { environment.path.point_ahead(here.position, stride) } else { goal };
+    let ahead = if way.remaining.is_finite() { way.stride_end } else { environment.path.goal() };
     let local = here.point_to_local(ahead);
-    let way = environment.path.point_ahead(here.position, stride + 0.3) - here.position;
-    let facing = if remaining < 0.45 {
-        // Arrived: turn to face as the cue asks.
-        wrap_angle(environment.task.cue.yaw - here.yaw)
-    } else {
-        wrap_angle(way.to_angle() + PI / 2.0 - here.yaw)
+    let arrived = match way.arrival {
+        Some(arrival) => here.position.distance(arrival.position) < ARRIVED,
+        None => way.remaining < 0.45,
     };
+    let facing = if arrived {
+        // Turn to face as the cue asks, or with the back to the seat's side.
+        way.arrival.map_or(environment.task.cue.yaw, |a| a.yaw)
+    } else {
+        (way.beyond - here.position).to_angle() + PI / 2.0
+    };
+    let facing = wrap_angle(facing - here.yaw);
     let turn = facing.clamp(-settings.largest_turn, settings.largest_turn);
     // Nobody walks off backwards: a large turn shortens the stride.
     let slow = (1.25 - facing.abs() / PI).clamp(0.2, 1.0);

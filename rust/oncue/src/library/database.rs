@@ -12,6 +12,7 @@ use super::search::SearchIndex;
 use crate::cue::ActionType;
 use crate::error::{Error, Result};
 use crate::math::Planar;
+use crate::math::rotation::{angle_between, from_angle_axis, to_angle_axis};
 use crate::metrics::joint_turns;
 use crate::motion::{FootContact, JOINT_COUNT, Joint, Posture};
 use crate::progress::Progress;
@@ -38,6 +39,8 @@ pub struct DatabaseFrame {
     pub label: ActionLabel,
     /// For sit, stop and stand-up: frames until the action is complete (0 from then on).
     pub until_complete: u16,
+    /// Frames until the pelvis rests on the seat, from where a person may still turn; for a stop as `until_complete`.
+    pub until_seated: u16,
     /// Frames that follow in the clip before its end.
     pub remaining: u16,
 }
@@ -50,6 +53,8 @@ struct ActionIndex {
     frames: Vec<u32>,
     /// Entry of each database frame; `u32::MAX` where the frame may not be entered.
     entries: Vec<u32>,
+    /// How far an entry's action ends from where it is entered, metres, at the most; 0 for walking.
+    reach: f32,
 }
 
 /// A matched frame.
@@ -59,6 +64,42 @@ pub struct FrameMatch {
     pub frame: usize,
     /// ‖w_f ⊙ (x - y_k)‖².
     pub cost: f32,
+}
+
+/// How fast each joint may turn.
+#[derive(Debug, Clone, Copy)]
+pub struct TurnLimits {
+    /// 99.9th percentile of the joint's turn in a frame, radians.
+    pub usual: [f32; JOINT_COUNT],
+    /// Cosine of half of it: what rules nearly all turns out without an arc function.
+    half_cosine: [f32; JOINT_COUNT],
+}
+
+impl TurnLimits {
+    pub fn new(usual: [f32; JOINT_COUNT]) -> Self {
+        Self { usual, half_cosine: usual.map(|turn| (0.5 * turn).cos()) }
+    }
+
+    /// `to`, or as much of the way there from `from` as the joint turns at the most; `None` where that is all of it.
+    #[inline]
+    pub fn slowed_down(&self, joint: usize, from: Quat, to: Quat) -> Option<Quat> {
+        if from.dot(to).abs() >= self.half_cosine[joint] {
+            return None;
+        }
+        // A thousandth less, for what rounding adds.
+        let most = 0.999 * self.usual[joint];
+        let turn = to_angle_axis(to * from.inverse());
+        Some((from_angle_axis(turn.clamp_length_max(most)) * from).normalize())
+    }
+
+    /// The turn from `from` to `to` over the joint's usual one, at least 1.
+    #[inline]
+    pub fn ratio(&self, joint: usize, from: Quat, to: Quat) -> f32 {
+        if from.dot(to).abs() >= self.half_cosine[joint] {
+            return 1.0;
+        }
+        (angle_between(from, to) / self.usual[joint].max(1e-4)).max(1.0)
+    }
 }
 
 /// The database that S searches.
@@ -71,16 +112,18 @@ pub struct MotionDatabase {
     pub pose_features: Vec<PoseFeature>,
     pub weights: FeatureWeights,
     indices: [ActionIndex; 3],
-    /// 99.9th percentile of each joint's turn in a frame over all that is matched, radians.
-    pub usual_turns: [f32; JOINT_COUNT],
+    /// How fast the joints turn in all that is matched.
+    pub turns: TurnLimits,
     /// Frames of standing still, at which a motion may begin.
     pub idle_frames: Vec<u32>,
 }
 
 /// Sits and stops are entered at the latest this many frames before they complete…
 const ENTER_BEFORE: u16 = 18;
-/// …and at the earliest this many (the released sit clips are 85 frames long).
-const ENTER_WITHIN: u16 = 110;
+/// …and at the earliest this many before the pelvis is on the seat (the released sit clips are 85 frames long).
+const ENTER_WITHIN: u16 = 100;
+/// The pelvis rests: it is no more than this higher than in the end, metres.
+const RESTS: f32 = 0.015;
 
 impl MotionDatabase {
     /// Computes the features of every frame and builds the indices.
@@ -109,14 +152,14 @@ impl MotionDatabase {
             .filter(|(a, _)| a.remaining > 0 && a.label != ActionLabel::Other);
         // Both are carried to the origin: the way from one to the other is put back, or the hips would never turn round.
         let pairs = matched.map(|(a, b)| (a.posture, b.posture.moved(Planar::default(), a.step)));
-        let usual_turns = joint_turns(pairs, 0.999);
+        let turns = TurnLimits::new(joint_turns(pairs, 0.999));
         let mut database = Self {
             library_checksum: library.checksum(),
             frames,
             pose_features,
             weights: weights.clone(),
             indices: Default::default(),
-            usual_turns,
+            turns,
             idle_frames,
         };
         if database.idle_frames.is_empty() {
@@ -144,11 +187,15 @@ impl MotionDatabase {
         let mut features = Vec::new();
         let mut frames = Vec::new();
         let mut entries = vec![u32::MAX; self.frames.len()];
+        let mut reach = 0.0f32;
         for f in 0..self.frames.len() {
             if f % 1024 == 0 {
                 progress.check()?;
             }
             if let Some(future) = self.future(action_type, f) {
+                if let Future::Complete(end, _) = &future {
+                    reach = reach.max(end.position.length());
+                }
                 entries[f] = frames.len() as u32;
                 frames.push(f as u32);
                 let at = features.len();
@@ -157,7 +204,7 @@ impl MotionDatabase {
             }
         }
         let search = SearchIndex::build(&features, &self.weights.vector(action_type));
-        Ok(ActionIndex { search, frames, entries })
+        Ok(ActionIndex { search, frames, entries, reach })
     }
 
     /// o_future of a frame, or `None` where it may not be entered for this action.
@@ -173,11 +220,11 @@ impl MotionDatabase {
             ActionType::Sit | ActionType::Stop => {
                 let label = if action_type == ActionType::Sit { ActionLabel::Sit } else { ActionLabel::Stop };
                 let ahead = f.until_complete;
-                (f.label == label && (ENTER_BEFORE..=ENTER_WITHIN).contains(&ahead) && f.remaining >= ahead)
-                    .then(|| {
-                        let end = &self.frames[frame + usize::from(ahead)];
-                        Future::Complete(self.travel(frame, usize::from(ahead)), end.posture.root_position.z)
-                    })
+                let in_time = ahead >= ENTER_BEFORE && f.until_seated <= ENTER_WITHIN;
+                (f.label == label && in_time && f.remaining >= ahead).then(|| {
+                    let end = &self.frames[frame + usize::from(ahead)];
+                    Future::Complete(self.travel(frame, usize::from(ahead)), end.posture.root_position.z)
+                })
             }
         }
     }
@@ -203,6 +250,11 @@ impl MotionDatabase {
         (entry != u32::MAX).then(|| index.search.cost(query, entry as usize))
     }
 
+    /// How far a sit or stop ends from where it is entered at the most, metres.
+    pub fn reach(&self, action_type: ActionType) -> f32 {
+        self.indices[action_type as usize].reach
+    }
+
     /// How many frames may be entered for an action.
     pub fn entry_count(&self, action_type: ActionType) -> usize {
         self.indices[action_type as usize].frames.len()
@@ -225,6 +277,12 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
         let segment = clip.segments.iter().find(|s| (s.first..s.end).contains(&i)).unwrap_or(&nothing);
         let completes = matches!(segment.label, ActionLabel::Sit | ActionLabel::Stop | ActionLabel::StandUp);
         let complete = segment.complete.min(count.saturating_sub(1));
+        let height = |f: usize| motion.postures[f].root_position.z;
+        let rests = |f: &usize| height(*f) <= height(complete) + RESTS;
+        let seated = match segment.label {
+            ActionLabel::Sit => (i..complete).find(rests).unwrap_or(complete),
+            _ => complete,
+        };
         frames.push(DatabaseFrame {
             posture: local,
             step,
@@ -236,6 +294,7 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
             index: i as u32,
             label: segment.label,
             until_complete: if completes { complete.saturating_sub(i) as u16 } else { 0 },
+            until_seated: if completes { seated.saturating_sub(i) as u16 } else { 0 },
             remaining: (count - 1 - i).min(usize::from(u16::MAX)) as u16,
         });
         features.push(pose_feature(&poses[i], &poses[i.saturating_sub(1)], frames[i].contact));

@@ -33,13 +33,39 @@ pub fn angle_between(a: Quat, b: Quat) -> f32 {
 /// Rotation of an angle-axis vector in radians.
 pub fn from_angle_axis(v: Vec3) -> Quat {
     let square = v.length_squared();
-    if square > 0.25 {
+    if square > SERIES_UP_TO {
         return Quat::from_scaled_axis(v);
     }
-    // Up to half a radian the series of sin(x/2)/x and cos(x/2) to x⁶ are exact to f32, and need no library call.
-    let sine = 0.5 + square * (-1.0 / 48.0 + square * (1.0 / 3840.0 - square / 645_120.0));
-    let cosine = 1.0 + square * (-0.125 + square * (1.0 / 384.0 - square / 46_080.0));
+    let (sine, cosine) = half_angle_series(square);
     Quat::from_xyzw(v.x * sine, v.y * sine, v.z * sine, cosine)
+}
+
+/// [`from_angle_axis`] of many at once: the series side by side.
+pub fn from_angle_axes<const N: usize>(v: &[Vec3; N]) -> [Quat; N] {
+    let squares = v.map(|v| v.length_squared());
+    let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);
+    for i in 0..N {
+        (sines[i], cosines[i]) = half_angle_series(squares[i]);
+    }
+    std::array::from_fn(|i| {
+        if squares[i] > SERIES_UP_TO {
+            return Quat::from_scaled_axis(v[i]);
+        }
+        let xyz = v[i] * sines[i];
+        Quat::from_xyzw(xyz.x, xyz.y, xyz.z, cosines[i])
+    })
+}
+
+/// Half a radian, squared.
+const SERIES_UP_TO: f32 = 0.25;
+
+/// sin(x/2)/x and cos(x/2) of x² up to [`SERIES_UP_TO`]: the series to x⁶ are exact to f32, and need no library call.
+#[inline(always)]
+fn half_angle_series(square: f32) -> (f32, f32) {
+    (
+        0.5 + square * (-1.0 / 48.0 + square * (1.0 / 3840.0 - square / 645_120.0)),
+        1.0 + square * (-0.125 + square * (1.0 / 384.0 - square / 46_080.0)),
+    )
 }
 
 /// Yaw about +Z (radians): the twist of `rotation` about the vertical.
@@ -86,6 +112,7 @@ mod tests {
             let v = Vec3::new(0.6, -0.64, 0.48) * angle;
             let (a, b) = (from_angle_axis(v), Quat::from_scaled_axis(v));
             assert!((a - b).length() < 2e-7, "{angle}: {a} {b}");
+            assert_eq!(from_angle_axes(&[v, Vec3::ZERO]), [a, Quat::IDENTITY]);
         }
     }
 

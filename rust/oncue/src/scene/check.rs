@@ -202,7 +202,7 @@ fn check_seat(scene: &SceneIndex, cue: &ActionCue) -> Result<()> {
     if let Some(ahead) = ahead {
         return Err(Error::input(format!(
             "Sit cue ‘{name}’ has no room for the legs: something is {ahead:.2} m in front of the pelvis, where {LEG_ROOM:.2} m are \
-             needed; turn the cue or move it forward."
+             needed; turn the cue, move it back, or move what is there."
         )));
     }
     Ok(())

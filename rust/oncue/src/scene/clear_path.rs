@@ -8,10 +8,11 @@ use glam::Vec2;
 
 use super::SceneIndex;
 use super::eikonal::TravelTimes;
-use super::raster::Raster;
+use super::raster::{Raster, Stencil};
 use super::settings::SceneSettings;
 use crate::cue::{ActionCue, ActionType};
-use crate::math::floor;
+use crate::math::Planar;
+use crate::math::rotation::wrap_angle;
 
 /// Approach points lie so far from the pelvis target, metres: from where a person begins to sit down, to a step before.
 const APPROACH: (f32, f32) = (0.45, 0.75);
@@ -26,6 +27,8 @@ const SIDE_COST: f32 = 0.8;
 const DISTANCE_COST: f32 = 0.5;
 /// What an approach over an armrest costs, metres.
 const ARMREST_COST: f32 = 0.4;
+/// A seat without an approach within this angle of its front is sat down on from the side, degrees.
+const FRONT: f32 = 45.0;
 /// Room that an approach point should have; less is taken where there is no such point.
 const APPROACH_CLEARANCE: f32 = 0.17;
 /// Cost of a metre at `narrow_clearance` and at `blocked_clearance`; 1 in free space.
@@ -50,6 +53,8 @@ pub struct ApproachPoint {
 pub struct ClearPath {
     raster: Raster,
     goal: Vec2,
+    /// The cue's facing, radians.
+    yaw: f32,
     approach: Vec<ApproachPoint>,
     times: TravelTimes,
     /// Unit vectors down the travel time, at the cells' centres.
@@ -114,7 +119,7 @@ impl ClearPath {
         );
         times.march(&raster, |i| if walkable[i] { f32::INFINITY } else { 2.0 * BLOCKED_COST }, true, BAND);
         let descent = (0..raster.len()).map(|i| steepest(&raster, &times.time, i)).collect();
-        Self { raster, goal, approach, times, descent }
+        Self { raster, goal, yaw: cue.yaw, approach, times, descent }
     }
 
     /// Metres along the clear floor from `xy` to the cue (for a seat, the straight rest from the approach point
@@ -148,28 +153,43 @@ impl ClearPath {
             .min_by(|a, b| a.position.distance_squared(end).total_cmp(&b.position.distance_squared(end)))
     }
 
+    /// Whether there is room beside the seat only: one sits down on its side and turns on it, as at a table.
+    pub fn from_the_side(&self) -> bool {
+        !self.approach.is_empty() && self.approach.iter().all(|a| a.angle.abs() > FRONT.to_radians())
+    }
+
+    /// Where the way from `from` ends, and which way to face there: as the cue does, or with the back to the seat where
+    /// it is entered [from the side](Self::from_the_side). `None` where no way leads.
+    pub fn arrival_from(&self, from: Vec2) -> Option<Planar> {
+        let approach = self.approach_from(from)?;
+        let turned = if self.from_the_side() { approach.angle } else { 0.0 };
+        Some(Planar::new(approach.position, wrap_angle(self.yaw + turned)))
+    }
+
     /// The point `distance` metres further along the clear path; the path's end where it is shorter, and `xy`
     /// itself where no way leads.
     pub fn point_ahead(&self, xy: Vec2, distance: f32) -> Vec2 {
         self.points_ahead(xy, [distance])[0]
     }
 
-    /// [`ClearPath::point_ahead`] for several distances, ascending, in one walk along the path.
+    /// [`ClearPath::point_ahead`] for several distances in one walk along the path.
     pub fn points_ahead<const N: usize>(&self, xy: Vec2, distances: [f32; N]) -> [Vec2; N] {
+        let mut order: [usize; N] = std::array::from_fn(|i| i);
+        order.sort_unstable_by(|a, b| distances[*a].total_cmp(&distances[*b]));
         let mut points = [xy; N];
         let (mut next, mut gone, mut last) = (0, 0.0, xy);
         self.follow(xy, |point| {
             let step = point.distance(last);
-            while next < N && gone + step >= distances[next] {
-                let part = if step > 0.0 { (distances[next] - gone) / step } else { 0.0 };
-                points[next] = last.lerp(point, part.clamp(0.0, 1.0));
+            while next < N && gone + step >= distances[order[next]] {
+                let part = if step > 0.0 { (distances[order[next]] - gone) / step } else { 0.0 };
+                points[order[next]] = last.lerp(point, part.clamp(0.0, 1.0));
                 next += 1;
             }
             gone += step;
             last = point;
             next < N
         });
-        points[next..].fill(last);
+        order[next..].iter().for_each(|i| points[*i] = last);
         points
     }
 
@@ -188,48 +208,52 @@ impl ClearPath {
     }
 
     fn value(&self, values: &[f32], xy: Vec2) -> f32 {
-        match self.raster.index_at(xy) {
-            Some(i) if values[i].is_finite() => self.raster.bilinear(values, xy).unwrap_or(f32::INFINITY),
-            _ => f32::INFINITY,
-        }
+        self.raster.stencil(xy).map_or(f32::INFINITY, |s| Self::value_at(values, &s))
+    }
+
+    fn value_at(values: &[f32], stencil: &Stencil) -> f32 {
+        if values[stencil.cell].is_finite() { stencil.blend(values) } else { f32::INFINITY }
     }
 
     /// Steepest descent of the travel time, to the approach point; `visit` returns false to stop.
     fn follow(&self, from: Vec2, mut visit: impl FnMut(Vec2) -> bool) {
         let step = 0.5 * self.raster.cell;
+        let look = |at: Vec2| {
+            let stencil = self.raster.stencil(at)?;
+            Some((stencil, Self::value_at(&self.times.time, &stencil))).filter(|(_, time)| time.is_finite())
+        };
         let mut here = from;
-        let mut time = self.effort(here);
-        if !time.is_finite() {
-            return;
-        }
+        let Some((mut stencil, mut time)) = look(here) else { return };
         // Every step lowers the time, so this ends; the bound is for rounding.
         for _ in 0..8 * self.raster.len() {
             if let Some(end) = self.arrived(here, time) {
                 visit(end);
                 return;
             }
-            let mut next = here + step * self.descent(here);
-            let mut next_time = self.effort(next);
-            if next_time >= time {
+            let mut next = here + step * self.descent(&stencil);
+            let mut found = look(next);
+            if found.is_none_or(|(_, next_time)| next_time >= time) {
                 // In a fold of the surface: over to the best cell around.
-                let Some(i) = self.lowest_around(here) else { return };
+                let Some(i) = self.lowest_around(here).filter(|i| self.times.time[*i] < time) else { return };
                 next = self.raster.center(i);
-                next_time = self.times.time[i];
-                if next_time >= time {
-                    return;
-                }
+                found = look(next);
             }
+            let Some((next_stencil, next_time)) = found else { return };
             if !visit(next) {
                 return;
             }
-            (here, time) = (next, next_time);
+            (here, stencil, time) = (next, next_stencil, next_time);
         }
     }
 
     /// The approach point that a way ends at here; points that it only passes, on to a better one, do not count.
     fn arrived(&self, here: Vec2, time: f32) -> Option<Vec2> {
         let cell = self.raster.cell;
-        let on_seat = here.distance(self.goal) < APPROACH.0 - cell;
+        let away = here.distance(self.goal);
+        if away > APPROACH.1 + 2.0 * cell {
+            return None;
+        }
+        let on_seat = away < APPROACH.0 - cell;
         self.approach
             .iter()
             .filter(|a| on_seat || a.position.distance(here) <= cell)
@@ -239,18 +263,8 @@ impl ClearPath {
     }
 
     /// Unit vector down the travel time, between the four nearest cells; zero where they disagree or it is flat.
-    fn descent(&self, at: Vec2) -> Vec2 {
-        let p = (at - self.raster.origin) / self.raster.cell - 0.5;
-        let low = floor(p);
-        let f = p - low;
-        let (width, height) = (self.raster.width as i32, self.raster.height as i32);
-        let (x, y) = (low.x as i32, low.y as i32);
-        let (x0, x1) = (x.clamp(0, width - 1), (x + 1).clamp(0, width - 1));
-        let (y0, y1) = (y.clamp(0, height - 1), (y + 1).clamp(0, height - 1));
-        let down = |x: i32, y: i32| self.descent[(x + width * y) as usize];
-        let below = down(x0, y0).lerp(down(x1, y0), f.x);
-        let above = down(x0, y1).lerp(down(x1, y1), f.x);
-        let way = below.lerp(above, f.y);
+    fn descent(&self, at: &Stencil) -> Vec2 {
+        let way = at.blend_vectors(&self.descent);
         if way.length_squared() > 0.1 { way.normalize() } else { Vec2::ZERO }
     }
 

@@ -145,7 +145,8 @@ impl SceneIndex {
     /// (world, metres) with global `rotation`.
     pub fn intersection_count(&self, node: &BoxNode, position: Vec3, rotation: Quat) -> u32 {
         let placed = OrientedBox::of_node(node, position, rotation);
-        SCRATCH.with_borrow_mut(|scratch| self.count(&placed, f32::NEG_INFINITY, scratch))
+        let room = self.field.steps_at(placed.center);
+        SCRATCH.with_borrow_mut(|scratch| self.count(&placed, room, f32::NEG_INFINITY, scratch))
     }
 
     /// ρ(b, W) for every node of [`BODY_BOXES`], in its order. Crossings lower than `above` (world z) are not
@@ -172,12 +173,14 @@ impl SceneIndex {
         pose: &Pose,
         above: impl Fn(&BoxNode) -> f32,
     ) -> [u32; N] {
+        let placed = nodes.each_ref().map(|node| {
+            let joint = node.joint.index();
+            OrientedBox::of_node(node, pose.positions[joint], pose.rotations[joint])
+        });
+        // All of these loads at once: one after the other each would wait for memory.
+        let room = placed.each_ref().map(|placed| self.field.steps_at(placed.center));
         SCRATCH.with_borrow_mut(|scratch| {
-            nodes.each_ref().map(|node| {
-                let joint = node.joint.index();
-                let placed = OrientedBox::of_node(node, pose.positions[joint], pose.rotations[joint]);
-                self.count(&placed, above(node), scratch)
-            })
+            std::array::from_fn(|i| self.count(&placed[i], room[i], above(&nodes[i]), scratch))
         })
     }
 
@@ -201,20 +204,20 @@ impl SceneIndex {
         self.tree.memory() + self.field.memory() + self.occupancy.memory()
     }
 
-    fn count(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
-        if self.is_clear(placed, above) { 0 } else { self.tree.count(placed, above, scratch) }
+    fn count(&self, placed: &OrientedBox, room: u8, above: f32, scratch: &mut Scratch) -> u32 {
+        if self.is_clear(placed, room, above) { 0 } else { self.tree.count(placed, above, scratch) }
     }
 
-    /// Whether the distance field rules out every crossing that counts.
+    /// Whether the distance field rules out every crossing that counts. `room`: the field at the box's middle.
     #[inline]
-    fn is_clear(&self, placed: &OrientedBox, above: f32) -> bool {
+    fn is_clear(&self, placed: &OrientedBox, room: u8, above: f32) -> bool {
         // The field knows nothing of what lies under its bottom: nothing there may count, or the box must not reach it.
         let lowest = placed.center.z - placed.world_half_extents.z;
         if above < self.field.bottom && lowest <= self.field.bottom {
             return false;
         }
         let (field, half) = (&self.field, placed.half_extents);
-        if field.steps_at(placed.center) >= field.steps_of(half.length() + 1e-4) {
+        if room >= field.steps_of(half.length() + 1e-4) {
             return true;
         }
         // Smaller balls that hold the box together: nearly cubes of its thinnest side, at most four a side.

@@ -48,31 +48,68 @@ impl Raster {
         ]
     }
 
+    /// What a value at `xy` is blended from; `None` outside.
+    #[inline]
+    pub fn stencil(&self, xy: Vec2) -> Option<Stencil> {
+        let p = (xy - self.origin) / self.cell;
+        let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < self.width as f32 && p.y < self.height as f32;
+        if !inside {
+            return None;
+        }
+        // Of the four centres around, those to the right and above: casts of what is not negative round down.
+        let (right, above) = ((p.x + 0.5) as usize, (p.y + 0.5) as usize);
+        let (u, v) = (p.x + 0.5 - right as f32, p.y + 0.5 - above as f32);
+        let (x0, x1) = (right.saturating_sub(1), right.min(self.width - 1));
+        let (y0, y1) = (self.width * above.saturating_sub(1), self.width * above.min(self.height - 1));
+        Some(Stencil {
+            cell: p.x as usize + self.width * p.y as usize,
+            corners: [x0 + y0, x1 + y0, x0 + y1, x1 + y1],
+            weights: [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v],
+        })
+    }
+
     /// Value at `xy` between the four nearest cell centres; `None` outside. Corners that are not finite are left
     /// out; infinite where all are.
+    #[inline]
     pub fn bilinear(&self, values: &[f32], xy: Vec2) -> Option<f32> {
-        self.index_at(xy)?;
-        let p = (xy - self.origin) / self.cell - 0.5;
-        let low = floor(p);
-        let f = p - low;
-        let at = |dx: i32, dy: i32| {
-            let x = (low.x as i32 + dx).clamp(0, self.width as i32 - 1) as usize;
-            let y = (low.y as i32 + dy).clamp(0, self.height as i32 - 1) as usize;
-            values[x + self.width * y]
-        };
-        let corners = [
-            (at(0, 0), (1.0 - f.x) * (1.0 - f.y)),
-            (at(1, 0), f.x * (1.0 - f.y)),
-            (at(0, 1), (1.0 - f.x) * f.y),
-            (at(1, 1), f.x * f.y),
-        ];
+        self.stencil(xy).map(|s| s.blend(values))
+    }
+}
+
+/// A place seen from the four cell centres around it.
+#[derive(Debug, Clone, Copy)]
+pub struct Stencil {
+    /// The cell that the place lies in.
+    pub cell: usize,
+    pub corners: [usize; 4],
+    /// They sum to 1.
+    pub weights: [f32; 4],
+}
+
+impl Stencil {
+    /// See [`Raster::bilinear`].
+    #[inline]
+    pub fn blend(&self, values: &[f32]) -> f32 {
+        let sum: f32 = self.corners.iter().zip(self.weights).map(|(c, w)| w * values[*c]).sum();
+        // Any corner that is not finite shows in the sum.
+        if sum.is_finite() { sum } else { self.blend_finite(values) }
+    }
+
+    #[cold]
+    fn blend_finite(&self, values: &[f32]) -> f32 {
         let (mut sum, mut weight) = (0.0, 0.0);
-        for (value, w) in corners {
-            if value.is_finite() {
-                sum += w * value;
+        for (corner, w) in self.corners.iter().zip(self.weights) {
+            if values[*corner].is_finite() {
+                sum += w * values[*corner];
                 weight += w;
             }
         }
-        Some(if weight > 1e-6 { sum / weight } else { f32::INFINITY })
+        if weight > 1e-6 { sum / weight } else { f32::INFINITY }
+    }
+
+    /// As [`Stencil::blend`] for directions.
+    #[inline]
+    pub fn blend_vectors(&self, values: &[Vec2]) -> Vec2 {
+        self.corners.iter().zip(self.weights).map(|(c, w)| w * values[*c]).sum()
     }
 }

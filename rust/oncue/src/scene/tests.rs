@@ -8,6 +8,7 @@ use super::triangle_tree::{Scratch, TriangleTree};
 use super::*;
 use crate::cue::{ActionCue, ActionType, InitialState, Task};
 use crate::error::Error;
+use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::Limb;
 use crate::motion::{Joint, Posture};
 
@@ -431,9 +432,9 @@ fn the_way_leads_through_the_middle_of_the_door_to_the_front_of_the_seat() {
         let ahead = ways.point_ahead(start, 1.0);
         assert!(path.iter().any(|p| p.distance(ahead) < 0.06) && ahead.distance(start) <= 1.0 + 1e-4);
         assert!((ways.distance(start) - ways.distance(ahead) - 1.0).abs() < 0.1);
-        let several = ways.points_ahead(start, [0.0, 0.5, 1.0, 100.0]);
-        assert_eq!(several[2], ahead);
-        assert!(several[0] == start && several[3] == end && (several[1].distance(start) - 0.5).abs() < 0.05);
+        let several = ways.points_ahead(start, [1.0, 0.5, 0.0, 100.0]);
+        assert_eq!(several[0], ahead);
+        assert!(several[2] == start && several[3] == end && (several[1].distance(start) - 0.5).abs() < 0.05);
         assert!(ways.point_ahead(start, 100.0).distance(end) < 1e-5);
     }
     // On the seat the rest is straight, and outside the scene there is no way.
@@ -441,6 +442,38 @@ fn the_way_leads_through_the_middle_of_the_door_to_the_front_of_the_seat() {
     assert!(ways.distance(Vec2::new(-2.0, 0.0)).is_infinite() && ways.path(Vec2::new(-2.0, 0.0)).is_empty());
     // A start close to a wall gets out.
     assert!(ways.distance(Vec2::new(0.03, 2.0)).is_finite() && ways.path(Vec2::new(0.03, 2.0)).len() > 50);
+}
+
+#[test]
+fn a_seat_close_to_a_table_is_entered_from_its_side_with_the_back_to_it() {
+    // A chair without a back, its front edge so far from a table that stands on two legs.
+    let at = |gap: f32| {
+        Mesh::default()
+            .floor(Vec2::ZERO, Vec2::new(6.0, 6.0), 0.0)
+            .solid([2.8, 2.8, 0.42], [3.2, 3.2, 0.46])
+            .solid([3.2 + gap, 2.4, 0.68], [3.9 + gap, 3.6, 0.74])
+            .build()
+            .unwrap()
+    };
+    let cue = sit(3.0, 3.0, 0.56, 0.0);
+    let free = at(1.2);
+    let ways = ClearPath::to_cue(&free, &cue);
+    assert!(!ways.from_the_side());
+    let front = ways.arrival_from(Vec2::new(3.5, 4.5)).unwrap();
+    assert!(wrap_angle(front.yaw - cue.yaw).abs() < 1e-6);
+
+    let tight = at(0.15);
+    let ways = ClearPath::to_cue(&tight, &cue);
+    assert!(ways.from_the_side());
+    for start in [Vec2::new(2.5, 5.5), Vec2::new(2.5, 0.5)] {
+        let arrival = ways.arrival_from(start).unwrap();
+        let out = arrival.position - ways.goal();
+        assert!((out.y > 0.0) == (start.y > 3.0), "{out}");
+        // The seat is behind: one faces away from it, by 50 to 100 degrees from where the cue faces.
+        let facing = Vec2::from_angle(arrival.heading());
+        assert!(facing.dot(out.normalize()) > 0.999, "{facing} {out}");
+        assert!((45f32..101.0).contains(&wrap_angle(arrival.yaw - cue.yaw).abs().to_degrees()));
+    }
 }
 
 #[test]
@@ -564,7 +597,7 @@ fn chunks_and_cut_triangles_lose_and_double_nothing() {
         assert_eq!(one.intersection_count(&node, place, turn), expected);
         assert_eq!(two.intersection_count(&node, place, turn), expected);
         assert_eq!(two.tree.count_portable(&placed, f32::NEG_INFINITY, &mut scratch), expected);
-        ruled_out += u32::from(one.is_clear(&placed, f32::NEG_INFINITY));
+        ruled_out += u32::from(one.is_clear(&placed, one.field.steps_at(placed.center), f32::NEG_INFINITY));
         total += expected;
     }
     // The comparison is worth something: many crossings, and some boxes that the field alone decides.

@@ -6,7 +6,7 @@
 use glam::Vec2;
 
 use crate::cue::{ActionCue, ActionType};
-use crate::library::database::MotionDatabase;
+use crate::library::database::{DatabaseFrame, MotionDatabase};
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
 
@@ -47,20 +47,24 @@ impl Alignment {
             return;
         }
         let coming = &database.frames[frame..=frame + ahead];
-        let swing = |f: &crate::library::database::DatabaseFrame| {
-            PLANTED + f.contact.iter().map(|c| 1.0 - c).sum::<f32>().min(1.0)
+        let swing = |f: &DatabaseFrame| PLANTED + f.contact.iter().map(|c| 1.0 - c).sum::<f32>().min(1.0);
+        let share_of = |weight: &dyn Fn(&DatabaseFrame) -> f32| {
+            let all = coming[..ahead].iter().map(weight).sum::<f32>();
+            (all > 1e-3).then(|| weight(&coming[0]) / all)
         };
-        let share = swing(&coming[0]) / coming[..ahead].iter().map(swing).sum::<f32>().max(1e-6);
+        let share = share_of(&swing).unwrap_or(0.0);
 
         let end = planar.compose(database.travel(frame, ahead));
         let turn = wrap_angle(self.target.yaw - end.yaw) * share;
         planar.yaw = wrap_angle(planar.yaw + turn.clamp(-LARGEST_TURN, LARGEST_TURN));
         let end = planar.compose(database.travel(frame, ahead));
+        // Who sits, and turns on the seat, does not glide along it.
+        let share = share_of(&|f| if f.until_seated > 0 { swing(f) } else { 0.0 }).unwrap_or(share);
         let missing: Vec2 = (self.target.position - end.position) * share;
         planar.position += missing.clamp_length_max(LARGEST_STEP);
 
         if let Some(height) = self.height {
-            let z = |f: &crate::library::database::DatabaseFrame| f.posture.root_position.z;
+            let z = |f: &DatabaseFrame| f.posture.root_position.z;
             let missing = height - floor - z(&coming[ahead]) - self.lift;
             // Where the pelvis sinks fast a few millimetres more or less are not seen.
             let sinking = (z(&coming[0]) - z(&coming[1])).max(0.0);

@@ -8,13 +8,13 @@
 
 use glam::{Quat, Vec2, Vec3};
 
-use super::inertia::Inertia;
-use super::{FRAME_TIME, slowed_down};
-use crate::library::database::DatabaseFrame;
+use super::FRAME_TIME;
+use super::inertia::{Inertia, Spring};
+use crate::library::database::{DatabaseFrame, TurnLimits};
 use crate::math::Planar;
 use crate::math::rotation::{from_angle_axis, to_angle_axis};
 use crate::motion::skeleton::{JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT};
-use crate::motion::{FRAME_RATE, JOINT_COUNT, Joint, Pose, Posture};
+use crate::motion::{FRAME_RATE, Joint, Pose, Posture};
 
 /// A held toe takes a step when the clip's toe is this far from it, metres.
 const STEP_FROM: f32 = 0.16;
@@ -28,7 +28,7 @@ const REACH: f32 = 0.9975;
 const HEEL_RISE: f32 = 0.9;
 
 /// UpLeg, Leg, Foot, Toe of each side.
-const CHAIN: [[Joint; 4]; 2] = [
+pub(super) const CHAIN: [[Joint; 4]; 2] = [
     [Joint::LeftUpLeg, Joint::LeftLeg, Joint::LeftFoot, Joint::LeftToe],
     [Joint::RightUpLeg, Joint::RightLeg, Joint::RightFoot, Joint::RightToe],
 ];
@@ -89,13 +89,9 @@ impl Foot {
         self.held.is_some() && self.dragged.is_none()
     }
 
-    /// Whether the joint belongs to a leg.
-    pub(super) fn moves(joint: Joint) -> bool {
-        CHAIN.iter().flatten().any(|j| *j == joint)
-    }
-
     /// One frame on; `frame` is the frame now shown.
     pub(super) fn step(&mut self, planar: &Planar, frame: &DatabaseFrame, side: usize, other_stands: bool) {
+        let spring = Spring::new(HALF_LIFE);
         let clip = Self::clip_toe(planar, frame, side);
         let dragged = self.dragged.take();
         if let (Some(held), Some(dragged)) = (&mut self.held, dragged) {
@@ -120,18 +116,18 @@ impl Foot {
             }
         }
         if self.held.is_none() {
-            self.toe.step(HALF_LIFE);
+            self.toe.step(&spring);
             if planted && self.stepping.is_none() {
                 self.held = Some(clip.truncate() + self.toe.offset.truncate());
             }
         } else {
             let mut vertical =
                 Inertia { offset: Vec3::Z * self.toe.offset.z, velocity: Vec3::Z * self.toe.velocity.z };
-            vertical.step(HALF_LIFE);
+            vertical.step(&spring);
             self.toe.offset.z = vertical.offset.z;
             self.toe.velocity.z = vertical.velocity.z;
         }
-        self.turn.step(HALF_LIFE);
+        self.turn.step(&spring);
         self.last_toe = clip;
     }
 
@@ -215,26 +211,23 @@ impl Foot {
     }
 
     /// Slows a leg that swings down to the library's own turns; its toe follows.
-    #[allow(clippy::too_many_arguments)]
     pub(super) fn slow_down(
         &mut self,
-        planar: &Planar,
+        ground: (&Planar, f32),
         last: &Posture,
-        frame: &DatabaseFrame,
-        usual_turns: &[f32; JOINT_COUNT],
-        floor: f32,
+        (frame, limits): (&DatabaseFrame, &TurnLimits),
         side: usize,
         posture: &mut Posture,
         pose: &mut Pose,
     ) {
+        let (planar, floor) = ground;
         if self.held.is_some() {
             return;
         }
         let mut slower = *posture;
         let mut slowed = false;
         for joint in CHAIN[side].map(Joint::index) {
-            if let Some(rotation) =
-                slowed_down(last.rotations[joint], posture.rotations[joint], usual_turns[joint])
+            if let Some(rotation) = limits.slowed_down(joint, last.rotations[joint], posture.rotations[joint])
             {
                 slower.rotations[joint] = rotation;
                 slowed = true;

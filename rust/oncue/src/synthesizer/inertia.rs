@@ -11,6 +11,29 @@ const DAMPING: f32 = 2.772_588_7;
 /// However far apart two postures are, seconds: a transition is over before the next but one.
 const LONGEST_HALF_LIFE: f32 = 0.35;
 
+/// A critically damped spring of one half-life, made ready for a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spring {
+    y: f32,
+    decay: f32,
+}
+
+impl Spring {
+    pub fn new(half_life: f32) -> Self {
+        let y = DAMPING / half_life / 2.0;
+        Self { y, decay: (-y * FRAME_TIME).exp() }
+    }
+
+    /// Moves `value` towards `target` by one frame.
+    #[inline]
+    pub fn step(&self, value: &mut Vec3, velocity: &mut Vec3, target: Vec3) {
+        let j0 = *value - target;
+        let j1 = *velocity + j0 * self.y;
+        *value = self.decay * (j0 + j1 * FRAME_TIME) + target;
+        *velocity = self.decay * (*velocity - j1 * self.y * FRAME_TIME);
+    }
+}
+
 /// An offset (radians or metres) that dies away without a jump in value or velocity.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Inertia {
@@ -20,8 +43,8 @@ pub struct Inertia {
 
 impl Inertia {
     /// One frame towards zero.
-    pub fn step(&mut self, half_life: f32) {
-        spring(&mut self.offset, &mut self.velocity, Vec3::ZERO, half_life);
+    pub fn step(&mut self, spring: &Spring) {
+        spring.step(&mut self.offset, &mut self.velocity, Vec3::ZERO);
     }
 
     /// Two noisy velocities may differ by more than any joint turns: 8 rad/s (or m/s) at the most.
@@ -34,16 +57,6 @@ impl Inertia {
 /// a second: a critically damped spring let go at x0 is fastest at x0 y / e.
 pub fn half_life(angle: f32, speed: f32, shortest: f32) -> f32 {
     (DAMPING / 2.0 / std::f32::consts::E * angle / speed.max(1e-3)).clamp(shortest, LONGEST_HALF_LIFE)
-}
-
-/// Moves `value` towards `target` by one frame of a critically damped spring.
-pub fn spring(value: &mut Vec3, velocity: &mut Vec3, target: Vec3, half_life: f32) {
-    let y = DAMPING / half_life / 2.0;
-    let j0 = *value - target;
-    let j1 = *velocity + j0 * y;
-    let e = (-y * FRAME_TIME).exp();
-    *value = e * (j0 + j1 * FRAME_TIME) + target;
-    *velocity = e * (*velocity - j1 * y * FRAME_TIME);
 }
 
 /// What is left of a velocity after one frame.
@@ -75,7 +88,7 @@ mod tests {
         let mut inertia = Inertia { offset: Vec3::X, velocity: Vec3::ZERO };
         let mut last = 1.0;
         for frame in 1..=60 {
-            inertia.step(0.2);
+            inertia.step(&Spring::new(0.2));
             assert!(inertia.offset.x < last && inertia.offset.x > 0.0);
             assert!(last - inertia.offset.x < 0.12, "frame {frame}");
             last = inertia.offset.x;

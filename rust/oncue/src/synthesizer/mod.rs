@@ -15,13 +15,13 @@ use crate::cue::ActionCue;
 use crate::library::database::MotionDatabase;
 use crate::library::feature::{PoseFeature, pose_feature};
 use crate::math::Planar;
-use crate::math::rotation::{from_angle_axis, to_angle_axis, wrap_angle};
+use crate::math::rotation::{from_angle_axes, from_angle_axis, to_angle_axis, wrap_angle};
 use crate::motion::skeleton::JOINT_COUNT;
 use crate::motion::{FRAME_RATE, FootContact, Joint, Pose, Posture};
 
 use alignment::Alignment;
 use feet::Foot;
-use inertia::{Inertia, InertiaVec2};
+use inertia::{Inertia, InertiaVec2, Spring};
 
 /// Seconds of one frame.
 pub const FRAME_TIME: f32 = 1.0 / FRAME_RATE;
@@ -44,6 +44,23 @@ const OFFSET_HALF_LIFE: f32 = 0.12;
 /// Share of the hips' fastest turn in the library that the heading may take of it; the rest is for their tilt.
 const TURN_SHARE: f32 = 0.97;
 
+/// What neither the root nor a foot leads.
+const UPPER_BODY: [Joint; 13] = [
+    Joint::Spine,
+    Joint::Spine1,
+    Joint::Spine2,
+    Joint::Neck,
+    Joint::Head,
+    Joint::LeftShoulder,
+    Joint::LeftArm,
+    Joint::LeftForeArm,
+    Joint::LeftHand,
+    Joint::RightShoulder,
+    Joint::RightArm,
+    Joint::RightForeArm,
+    Joint::RightHand,
+];
+
 /// Everything S knows of the character at frame t.
 #[derive(Debug, Clone)]
 pub struct Character {
@@ -62,10 +79,11 @@ pub struct Character {
     pub floor: f32,
     /// Squared distance (radians²) of m_t from m̂_t over the offset joints, for R_reg.
     pub offset_distance: f32,
-    /// The fastest turn of a leg's joint in this frame over the 99.9th percentile of the library's; all others keep to it.
+    /// The fastest turn of a leg's joint in this frame over the 99.9th percentile of the library's, at least 1; all others
+    /// keep to it.
     pub leg_speed: f32,
     joints: [Inertia; JOINT_COUNT],
-    half_lives: [f32; JOINT_COUNT],
+    springs: [Spring; JOINT_COUNT],
     height: Inertia,
     drift: InertiaVec2,
     spin: f32,
@@ -91,9 +109,9 @@ impl Character {
             contact: source.contact,
             floor,
             offset_distance: 0.0,
-            leg_speed: 0.0,
+            leg_speed: 1.0,
             joints: [Inertia::default(); JOINT_COUNT],
-            half_lives: [HALF_LIFE; JOINT_COUNT],
+            springs: [Spring::new(HALF_LIFE); JOINT_COUNT],
             height: Inertia::default(),
             drift: InertiaVec2::default(),
             spin: 0.0,
@@ -138,8 +156,8 @@ impl Character {
             inertia.velocity +=
                 velocity(&old.posture, &old_next.posture) - velocity(&new.posture, &new_next.posture);
             inertia.limit_velocity();
-            let speed = TRANSITION_SHARE * database.usual_turns[joint] * FRAME_RATE;
-            self.half_lives[joint] = inertia::half_life(inertia.offset.length(), speed, HALF_LIFE);
+            let speed = TRANSITION_SHARE * database.turns.usual[joint] * FRAME_RATE;
+            self.springs[joint] = Spring::new(inertia::half_life(inertia.offset.length(), speed, HALF_LIFE));
         }
         self.height.offset.z += old.posture.root_position.z - new.posture.root_position.z;
         self.height.velocity.z += (old_next.posture.root_position.z
@@ -179,14 +197,15 @@ impl Character {
             alignment.step(database, self.frame, &mut self.planar, self.floor);
         }
         let turn = wrap_angle(self.planar.yaw - before.yaw);
-        let most = TURN_SHARE * database.usual_turns[Joint::Hips.index()];
+        let most = TURN_SHARE * database.turns.usual[Joint::Hips.index()];
         self.planar.yaw = wrap_angle(before.yaw + turn.clamp(-most, most));
-        for (inertia, half_life) in self.joints.iter_mut().zip(&self.half_lives) {
-            inertia.step(*half_life);
+        for (inertia, spring) in self.joints.iter_mut().zip(&self.springs) {
+            inertia.step(spring);
         }
-        self.height.step(HALF_LIFE);
+        self.height.step(&Spring::new(HALF_LIFE));
+        let spring = Spring::new(OFFSET_HALF_LIFE);
         for ((shown, velocity), target) in self.offset.iter_mut().zip(&mut self.offset_velocity).zip(offset) {
-            inertia::spring(shown, velocity, *target, OFFSET_HALF_LIFE);
+            spring.step(shown, velocity, *target);
         }
         for side in 0..2 {
             let other_stands = self.feet[1 - side].stands();
@@ -202,10 +221,10 @@ impl Character {
     fn slow_down(&mut self, last: &Posture, database: &MotionDatabase) {
         let source = &database.frames[self.frame];
         let mut slowed = false;
-        for joint in Joint::ALL.into_iter().filter(|j| *j != Joint::Hips && !Foot::moves(*j)) {
+        for &joint in &UPPER_BODY {
             let at = joint.index();
             let Some(rotation) =
-                slowed_down(last.rotations[at], self.posture.rotations[at], database.usual_turns[at])
+                database.turns.slowed_down(at, last.rotations[at], self.posture.rotations[at])
             else {
                 continue;
             };
@@ -217,31 +236,22 @@ impl Character {
             self.joints[at].offset = to_angle_axis(shown * source.posture.rotations[at].inverse());
         }
         if slowed {
-            for joint in Joint::ALL.into_iter().filter(|j| *j != Joint::Hips && !Foot::moves(*j)) {
+            for joint in UPPER_BODY {
                 self.pose.place(&self.posture, joint.index());
             }
         }
         for side in 0..2 {
-            let planar = &self.planar;
-            self.feet[side].slow_down(
-                planar,
-                last,
-                source,
-                &database.usual_turns,
-                self.floor,
-                side,
-                &mut self.posture,
-                &mut self.pose,
-            );
+            let (posture, pose) = (&mut self.posture, &mut self.pose);
+            let ground = (&self.planar, self.floor);
+            self.feet[side].slow_down(ground, last, (source, &database.turns), side, posture, pose);
         }
-        self.leg_speed = (1..JOINT_COUNT)
-            .filter(|j| Foot::moves(Joint::ALL[*j]))
+        self.leg_speed = feet::CHAIN
+            .iter()
+            .flatten()
             .map(|j| {
-                // Twice the arc sine of the half angle's sine, by its square.
-                let dot = last.rotations[j].dot(self.posture.rotations[j]);
-                2.0 * (1.0 - dot * dot).max(0.0).sqrt().min(1.0).asin() / database.usual_turns[j].max(1e-4)
+                database.turns.ratio(j.index(), last.rotations[j.index()], self.posture.rotations[j.index()])
             })
-            .fold(0.0, f32::max);
+            .fold(1.0, f32::max);
     }
 
     /// Recomputes m_t from the database frame and everything laid over it.
@@ -251,9 +261,9 @@ impl Character {
         let lift = self.alignment.as_ref().map_or(0.0, Alignment::lift);
         let z = source.posture.root_position.z + self.height.offset.z + lift + self.floor;
         posture.root_position = self.planar.position.extend(z);
+        let offsets = from_angle_axes(&self.joints.map(|j| j.offset));
         for joint in 0..JOINT_COUNT {
-            posture.rotations[joint] =
-                from_angle_axis(self.joints[joint].offset) * source.posture.rotations[joint];
+            posture.rotations[joint] = offsets[joint] * source.posture.rotations[joint];
         }
         posture.rotations[0] = self.planar.rotation() * posture.rotations[0];
         self.offset_distance = 0.0;
@@ -276,18 +286,6 @@ impl Character {
     pub fn until_complete(&self, database: &MotionDatabase) -> Option<usize> {
         self.alignment.as_ref().map(|_| usize::from(database.frames[self.frame].until_complete))
     }
-}
-
-/// `to`, or as much of the way there from `from` as `most` radians are; `None` where that is all of it.
-fn slowed_down(from: Quat, to: Quat, most: f32) -> Option<Quat> {
-    // Half the angle's cosine rules out nearly all without an arc function.
-    if from.dot(to).abs() >= (0.5 * most).cos() {
-        return None;
-    }
-    // A thousandth less, for what rounding adds.
-    let most = 0.999 * most;
-    let turn = to_angle_axis(to * from.inverse());
-    Some(normalize(from_angle_axis(turn.clamp_length_max(most)) * from))
 }
 
 fn normalize(q: Quat) -> Quat {

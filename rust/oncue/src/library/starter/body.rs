@@ -55,7 +55,7 @@ fn shifted(signal: &[f32], i: usize, seconds: f32) -> f32 {
 fn load_keys(plan: &Plan) -> Vec<(f32, f32)> {
     let mut keys: Vec<(f32, f32)> = vec![(-1.0, 0.5)];
     let mut landed = -1.0f32;
-    for step in &plan.steps {
+    for step in plan.standing_steps() {
         let standing = if step.side == 0 { 0.0 } else { 1.0 };
         if step.lift - landed > 0.75 {
             if landed > 0.0 {
@@ -67,7 +67,7 @@ fn load_keys(plan: &Plan) -> Vec<(f32, f32)> {
         keys.push((step.land, standing));
         landed = step.land;
     }
-    if !plan.steps.is_empty() {
+    if landed > 0.0 {
         keys.push((landed + 0.45, 0.5));
     }
     keys
@@ -115,7 +115,7 @@ impl Signals {
         let middle: Vec<f32> = (0..n).map(|i| 0.5 * (feet[0][i].yaw + feet[1][i].yaw)).collect();
         let yaw = smooth(&middle, sigma(0.11));
 
-        seat_feet(plan, &seat, &mut feet);
+        seat_feet(plan, &seat, &yaw, &mut feet);
         let ankles = [0, 1].map(|s| feet[s].iter().map(FootSample::ankle).collect::<Vec<_>>());
 
         // Pressure and pendulum.
@@ -149,7 +149,8 @@ impl Signals {
         let load: Vec<f32> = share.iter().map(|s| 2.0 * s - 1.0).collect();
         let velocity = |i: usize| {
             let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
-            (mass[b] - mass[a]) / ((b - a) as f32 * STEP)
+            // Steps of a seated person move the feet, not the body.
+            (mass[b] - mass[a]) / ((b - a) as f32 * STEP) * (1.0 - seat[i].back)
         };
         let speed = smooth(&(0..n).map(|i| velocity(i).dot(heading(i))).collect::<Vec<_>>(), sigma(0.25));
         // The pelvis is behind the centre of mass; in walking it stays above the standing ankle on average.
@@ -157,7 +158,9 @@ impl Signals {
             .map(|i| {
                 let standing =
                     mass[i] + rotate(yaw[i], Vec2::new(0.0, 0.015 + 0.015 * speed[i].clamp(0.0, 1.2)));
-                plan.seat.map_or(standing, |s| standing.lerp(s.pelvis, seat[i].back))
+                plan.seat.map_or(standing, |s| {
+                    standing.lerp(s.pelvis + s.shift * plan.swivelled(time(i)), seat[i].back)
+                })
             })
             .collect();
 
@@ -347,7 +350,12 @@ impl Signals {
                 let to_elbow = hang_upper * JOINT_OFFSET[lower.index()];
                 let hanging = joint + to_elbow + hang_lower * JOINT_OFFSET[hand.index()];
                 // Towards the knees while the trunk leans over them.
-                let along = -0.255 + sign * plan.style.hands - 0.13 * (seat.lean / 0.7).min(1.0);
+                // At a table the hands come back into the lap, and the elbows stay close to the body.
+                let at_table = plan.seat.is_some_and(|s| s.at_table);
+                let near =
+                    if at_table { mix(-0.255, -0.12, plan.swivelled(i as f32 * STEP)) } else { -0.255 };
+                let elbows_out = if at_table { 0.10 } else { 0.38 };
+                let along = near + sign * plan.style.hands - 0.13 * (seat.lean / 0.7).min(1.0);
                 let resting = hip + thigh * Vec3::new(-0.012 * sign, -0.092, along);
                 // Up and over the edge of the thigh, not through it.
                 let arch = (PI * hands).sin() * (1.0 - 0.3 * hands);
@@ -355,7 +363,7 @@ impl Signals {
                 let wrist = hanging.lerp(resting, hands) + over;
                 let line = (hanging - joint).normalize_or(Vec3::NEG_Z);
                 let hung = (to_elbow - line * to_elbow.dot(line)).normalize_or(Vec3::Y);
-                let elbow = hung.lerp(thorax * Vec3::new(0.38 * sign, 0.85, -0.50), hands);
+                let elbow = hung.lerp(thorax * Vec3::new(elbows_out * sign, 0.85, -0.50), hands);
                 let (u, l) = limb::arm(sign, joint, wrist, elbow);
                 let flat = flat_hand(sign, thigh);
                 (u, l, (l * (hang_lower.inverse() * hang_hand)).slerp(l.slerp(flat, 0.8), hands))
@@ -388,31 +396,36 @@ const ARMS: [[Joint; 4]; 2] = [
     [Joint::RightShoulder, Joint::RightArm, Joint::RightForeArm, Joint::RightHand],
 ];
 
-/// On high seats the heels rise, then the feet leave the floor.
-fn seat_feet(plan: &Plan, seat: &[SeatState], feet: &mut [Vec<FootSample>; 2]) {
+/// On high seats the heels rise, then the feet leave the floor. `yaw`: the heading.
+fn seat_feet(plan: &Plan, seat: &[SeatState], yaw: &[f32], feet: &mut [Vec<FootSample>; 2]) {
     let Some(place) = plan.seat else { return };
     let legs = seat::seated_legs(place.height, place.tuck);
     if legs.pitch > -0.02 {
         return;
     }
-    let ahead = rotate(place.yaw, Vec2::NEG_Y);
     for (s, samples) in feet.iter_mut().enumerate() {
         let sign = if s == 0 { 1.0 } else { -1.0 };
-        for (sample, state) in samples.iter_mut().zip(seat) {
+        for (i, ((sample, state), yaw)) in samples.iter_mut().zip(seat).zip(yaw).enumerate() {
             let w = state.feet;
             if w <= 0.0 {
                 continue;
             }
             if legs.hanging {
-                let across = rotate(place.yaw, Vec2::new(0.10 * sign, 0.0));
-                let hung = FootSample { pitch: legs.pitch, ..*sample };
-                let ankle = (place.pelvis + across + ahead * legs.ankle_ahead).extend(legs.ankle_height);
+                // Off the floor the feet turn as the body does.
+                let hung = FootSample {
+                    yaw: mix(sample.yaw, *yaw, w),
+                    pitch: mix(sample.pitch, legs.pitch, w),
+                    toe_bend: (1.0 - w) * sample.toe_bend,
+                    ..*sample
+                };
+                let pelvis = place.pelvis + place.shift * plan.swivelled(i as f32 * STEP);
+                let place = pelvis + rotate(*yaw, Vec2::new(0.10 * sign, -legs.ankle_ahead));
+                let ankle = place.extend(legs.ankle_height);
                 let ball = ankle + hung.rotation() * JOINT_OFFSET[Joint::LeftToe.index()];
-                let lifted = FootSample { pitch: w * legs.pitch, ..*sample };
-                *sample = FootSample { ball: sample.ball.lerp(ball, w), planted: false, ..lifted };
+                *sample = FootSample { ball: sample.ball.lerp(ball, w), planted: false, ..hung };
             } else {
-                sample.pitch = w * legs.pitch;
-                sample.toe_bend = -sample.pitch;
+                sample.pitch = mix(sample.pitch, legs.pitch, w);
+                sample.toe_bend = mix(sample.toe_bend, -legs.pitch, w);
             }
         }
     }

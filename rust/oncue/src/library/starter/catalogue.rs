@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use glam::Vec2;
 
 use super::body::animate;
-use super::plan::{Plan, Planner, STANDING_WIDTH, Seat, Seating, Stride};
+use super::plan::{Plan, Planner, SETTLE, STANDING_WIDTH, SWIVEL_FROM, Seat, Seating, Stride};
 use super::seat::{TUCKED, seated_legs};
 use super::style::Style;
 use crate::error::Result;
@@ -16,6 +16,9 @@ use crate::progress::Progress;
 
 /// Seat heights, metres.
 pub const SEAT_HEIGHTS: [f32; 11] = [0.30, 0.34, 0.38, 0.42, 0.46, 0.50, 0.54, 0.59, 0.64, 0.70, 0.75];
+
+/// Of these, where one may have to turn on the seat: chairs and stools at tables and counters, not sofas.
+pub const SWIVEL_HEIGHTS: [f32; 5] = [0.38, 0.46, 0.54, 0.64, 0.75];
 
 /// Seconds of standing before and after what a clip is about.
 const MARGIN: f32 = 0.5;
@@ -67,8 +70,9 @@ fn segments(plan: &Plan, frames: usize) -> Vec<Segment> {
     spans.push((0.0, resting, 0.0));
 
     // Steps less than a second apart make one group.
+    let steps: Vec<super::plan::Step> = plan.standing_steps().copied().collect();
     let mut groups: Vec<&[super::plan::Step]> = Vec::new();
-    let mut rest = &plan.steps[..];
+    let mut rest = &steps[..];
     while !rest.is_empty() {
         let count = 1 + rest.windows(2).take_while(|w| w[1].lift - w[0].land < 0.8).count();
         let (group, after) = rest.split_at(count);
@@ -96,14 +100,14 @@ fn segments(plan: &Plan, frames: usize) -> Vec<Segment> {
                 spans.push((seating.start, ActionLabel::Sit, 0.0));
             }
             if let Some(span) = spans.last_mut() {
-                span.2 = seating.end;
+                span.2 = seating.settled;
             }
-            spans.push((seating.end + 0.1, ActionLabel::SeatedIdle, 0.0));
+            spans.push((seating.settled + 0.1, ActionLabel::SeatedIdle, 0.0));
         } else {
             spans.push((seating.start, ActionLabel::StandUp, seating.end));
             let walks_on =
                 |s: &super::plan::Step| s.lift > seating.start && s.lift - 0.35 < seating.end + 0.1;
-            if !plan.steps.iter().any(walks_on) {
+            if !steps.iter().any(walks_on) {
                 spans.push((seating.end + 0.1, ActionLabel::Idle, 0.0));
             }
         }
@@ -275,8 +279,11 @@ fn locomotion(out: &mut Vec<Recipe>) {
 /// The seat behind a person who stands at the planner's place.
 fn seat_behind(p: &Planner, height: f32, tuck: f32) -> Seat {
     let back = rotate(p.yaw(), Vec2::Y) * seated_legs(height, tuck).ankle_ahead;
-    Seat { height, tuck, pelvis: p.position() + back, yaw: p.yaw() }
+    Seat { height, tuck, pelvis: p.position() + back, shift: Vec2::ZERO, at_table: tuck > 0.0 }
 }
+
+/// So far before where one sits in the end is the back of a chair no hindrance, metres.
+const CLEAR_OF_THE_BACK: f32 = 0.11;
 
 /// Seconds from the first lean to sitting.
 fn way_down(height: f32) -> f32 {
@@ -284,14 +291,28 @@ fn way_down(height: f32) -> f32 {
 }
 
 fn sit_down(p: &mut Planner, height: f32, tuck: f32) {
-    let seat = seat_behind(p, height, tuck);
+    sit_down_and_swivel(p, height, tuck, 0.0, 0.0);
+}
+
+/// Sits down, then turns on the seat by `swivel` radians and moves back on it by `back` metres.
+fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: f32, back: f32) {
+    let mut seat = seat_behind(p, height, tuck);
     // The trunk begins to lean as the last foot comes down.
     let start = p.now() - if p.stepped() { 0.15 } else { 0.0 };
     let end = start + way_down(height);
+    let mut settled = end;
+    if swivel != 0.0 {
+        seat.at_table = true;
+        seat.shift = rotate(p.yaw() + swivel, Vec2::Y) * back;
+        p.stand(start + SWIVEL_FROM * (end - start) - p.now());
+        let count = (swivel.abs() / 0.9).ceil() as usize;
+        p.swivel(swivel, count, seated_legs(height, tuck).ankle_ahead, seat.shift);
+        settled = settled.max(p.now() + SETTLE);
+    }
     let plan = p.plan_mut();
     plan.seat = Some(seat);
-    plan.seatings.push(Seating { down: true, start, end });
-    p.stand(end - p.now() + 0.1);
+    plan.seatings.push(Seating { down: true, start, end, settled });
+    p.stand(settled - p.now() + 0.1);
 }
 
 fn seats(out: &mut Vec<Recipe>) {
@@ -315,6 +336,9 @@ fn seats(out: &mut Vec<Recipe>) {
         if (0.40..0.56).contains(&height) {
             tucked_sits(out, height);
         }
+        if SWIVEL_HEIGHTS.contains(&height) {
+            swivelling_sits(out, height);
+        }
         for degrees in [90.0f32, 135.0, 180.0] {
             let mut p = planner(out, if degrees > 100.0 { 1 } else { 0 });
             let from = walk_up_and_turn(&mut p, 0.8, degrees.to_radians());
@@ -326,8 +350,9 @@ fn seats(out: &mut Vec<Recipe>) {
             let seat = seat_behind(&p, height, 0.0);
             let plan = p.plan_mut();
             plan.seat = Some(seat);
-            plan.seatings.push(Seating { down: false, start: 0.8, end: 0.8 + 0.88 * way_down(height) });
-            p.stand(0.8 + 0.88 * way_down(height));
+            let end = 0.8 + 0.88 * way_down(height);
+            plan.seatings.push(Seating { down: false, start: 0.8, end, settled: end });
+            p.stand(end);
             if walk_off {
                 p.step(0.8, 0.6, 0.0).walk(2, 0.9, 0.0).stop(0.8);
             }
@@ -361,6 +386,39 @@ fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
         }
         sit_down(&mut p, height, TUCKED);
         add(out, format!("sit {cm} cm tucked, {steps} side steps"), p, 0.0);
+    }
+}
+
+/// Sits down on the side of a seat and turns on it towards its front, as where a table leaves no room to stand before it:
+/// on its middle where the table is close, or on the front half, clear of a back, and then back.
+fn swivelling_sits(out: &mut Vec<Recipe>, height: f32) {
+    let cm = (100.0 * height).round();
+    let ways = [
+        (0.0f32, false, 60.0f32),
+        (0.0, false, 90.0),
+        (0.0, true, 90.0),
+        (90.0, false, 90.0),
+        (-90.0, false, 90.0),
+    ];
+    for back in [0.0, CLEAR_OF_THE_BACK] {
+        let half = if back > 0.0 { "front" } else { "middle" };
+        for (turn, back_step, swivel) in ways {
+            let mut p = planner(out, if back_step { 1 } else { 0 });
+            p.stand(MARGIN + 0.1);
+            if turn != 0.0 {
+                p.turn_on_spot(turn.to_radians(), 2);
+            }
+            if back_step {
+                p.back_step(0.22, 0.42, 0.0).close(0.42);
+            }
+            sit_down_and_swivel(&mut p, height, 0.0, swivel.to_radians(), back);
+            let how = if back_step { "back step".into() } else { format!("turn {turn}°") };
+            add(out, format!("sit {cm} cm sideways on the {half}, {how}, swivel {swivel}°"), p, 0.0);
+        }
+        let mut p = planner(out, 1);
+        let from = walk_up_and_turn(&mut p, 0.8, PI);
+        sit_down_and_swivel(&mut p, height, 0.0, FRAC_PI_2, back);
+        add(out, format!("sit {cm} cm sideways on the {half}, walk up from 0°, swivel 90°"), p, from);
     }
 }
 

@@ -6,6 +6,8 @@
 
 use glam::Vec2;
 
+use super::curve::{ease, mix};
+use super::foot::ball_of;
 use super::style::Style;
 use crate::math::planar::rotate;
 
@@ -42,18 +44,23 @@ pub struct Seating {
     pub start: f32,
     /// Seconds: seated (down) or upright (up).
     pub end: f32,
+    /// Seconds: seated and facing as one stays; later than `end` where the person swivels on the seat.
+    pub settled: f32,
 }
 
-/// The seat that a clip uses; where the pelvis rests on it and the way it faces.
+/// The seat that a clip uses, and where the pelvis rests on it.
 #[derive(Debug, Clone, Copy)]
 pub struct Seat {
     /// Metres.
     pub height: f32,
     /// See [`super::seat::seated_legs`], radians.
     pub tuck: f32,
-    /// Pelvis joint's place on the floor.
+    /// Pelvis joint's place on the floor on reaching the seat.
     pub pelvis: Vec2,
-    pub yaw: f32,
+    /// How far the pelvis moves on the seat while the person turns on it.
+    pub shift: Vec2,
+    /// There is a table: the hands rest in the lap, not towards the knees.
+    pub at_table: bool,
 }
 
 /// All that the motion of one clip follows from.
@@ -70,11 +77,34 @@ pub struct Plan {
     pub seatings: Vec<Seating>,
 }
 
+impl Plan {
+    /// How far a seated person has turned on the seat at `t` seconds: 0 to 1.
+    pub fn swivelled(&self, t: f32) -> f32 {
+        let turning = self.seatings.iter().find(|s| s.down && s.settled > s.end);
+        turning.map_or(1.0, |s| ease(t, mix(s.start, s.end, SWIVEL_FROM), s.settled - SETTLE))
+    }
+
+    /// The steps that carry the body: those of a seated person do not.
+    pub fn standing_steps(&self) -> impl Iterator<Item = &Step> {
+        self.steps.iter().filter(|step| {
+            let past = self.seatings.iter().rev().find(|s| s.start < step.lift);
+            past.is_none_or(|s| !s.down || step.lift < 0.5 * (s.start + s.end))
+        })
+    }
+}
+
 /// Metres between the ankles while standing.
 pub const STANDING_WIDTH: f32 = 0.17;
 /// Metres between the ankles while walking.
 pub const WALKING_WIDTH: f32 = 0.115;
 const TOE_OUT: f32 = 0.11;
+/// The longest swing of a small step: seconds, and for each metre that the ball of the foot moves.
+const SHORTEST_SWING: f32 = 0.23;
+const SWING_PER_METRE: f32 = 0.45;
+/// Share of the way down after which a person may turn on the seat: the weight is on it and the trunk comes up.
+pub const SWIVEL_FROM: f32 = 0.80;
+/// Seconds from the last step of the turn until all of the body has come round.
+pub const SETTLE: f32 = 0.25;
 
 /// Step length in metres at a walking speed in m/s.
 pub fn step_length(speed: f32) -> f32 {
@@ -156,8 +186,12 @@ impl Planner {
         self.position += rotate(heading, Vec2::new(stride.left, -stride.forward));
         self.yaw += stride.turn;
         let lift = self.free.max(self.landed + stride.double_support);
-        let land = lift + stride.swing;
         let to = foothold(self.position, self.yaw, side, stride.width, &self.plan.style);
+        let from =
+            self.plan.steps.iter().rev().find(|s| s.side == side).map_or(self.plan.feet[side], |s| s.to);
+        // A small step is a quick one.
+        let way = ball_of(&to).distance(ball_of(&from));
+        let land = lift + stride.swing.min(SHORTEST_SWING + SWING_PER_METRE * way);
         self.plan.steps.push(Step { side, lift, land, to });
         self.landed = land;
         self.next = 1 - side;
@@ -219,7 +253,7 @@ impl Planner {
         self.next = if total > 0.0 { 0 } else { 1 };
         for _ in 0..count {
             for turn in [part, 0.0] {
-                let swing = 0.40 + 0.08 * part.abs();
+                let swing = 0.32 + 0.12 * part.abs();
                 self.stride(Stride {
                     forward: 0.0,
                     left: 0.0,
@@ -245,6 +279,30 @@ impl Planner {
                 swing,
                 double_support: both,
             });
+        }
+        self
+    }
+
+    /// Turns on the seat by `total` (radians, left positive) in `count` pairs of steps round the pelvis, the inner foot
+    /// first. `radius`: ankles from the pelvis joint, metres; the pelvis moves by `shift` meanwhile.
+    pub fn swivel(&mut self, total: f32, count: usize, radius: f32, shift: Vec2) -> &mut Self {
+        let part = total / count as f32;
+        self.next = if total > 0.0 { 0 } else { 1 };
+        for _ in 0..count {
+            for turn in [part, 0.0] {
+                let chord = rotate(turn, Vec2::NEG_Y) - Vec2::NEG_Y;
+                // What the stride does to the body's frame, seen from half-way between both headings.
+                let moved = rotate(-(self.yaw + 0.5 * turn), shift) / (2 * count) as f32;
+                let local = rotate(-0.5 * turn, radius * chord) + moved;
+                self.stride(Stride {
+                    forward: -local.y,
+                    left: local.x,
+                    turn,
+                    width: STANDING_WIDTH,
+                    swing: 0.40,
+                    double_support: 0.08,
+                });
+            }
         }
         self
     }

@@ -79,7 +79,7 @@ fn greatest_lean(height: f32) -> f32 {
 pub fn seat_state(plan: &Plan, t: f32) -> SeatState {
     let Some(seat) = plan.seat else { return SeatState::default() };
     let current = plan.seatings.iter().rev().find(|s| s.start <= t).or(plan.seatings.first());
-    let Some(&Seating { down, start, end }) = current else { return SEATED };
+    let Some(&Seating { down, start, end, .. }) = current else { return SEATED };
     let v = (t - start) / (end - start);
     let most = greatest_lean(seat.height);
     if down {

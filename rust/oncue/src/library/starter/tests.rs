@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use super::catalogue::SEAT_HEIGHTS;
+use super::catalogue::{SEAT_HEIGHTS, SWIVEL_HEIGHTS};
 use super::generate;
 use super::seat::PELVIS_BEHIND_EDGE;
 use crate::library::quality::{faults, measure};
@@ -124,6 +124,38 @@ fn sits_cover_heights_and_turns_and_end_on_the_seat() {
                 "{word}: no turn of {wanted}° in {turns:?}"
             );
         }
+    }
+}
+
+/// Where a table leaves no room before a seat, one sits down on its side and turns on it: the pelvis stays where it is, or
+/// moves back on the seat.
+#[test]
+fn swivelling_sits_turn_on_the_seat() {
+    for height in SWIVEL_HEIGHTS {
+        assert!(SEAT_HEIGHTS.contains(&height));
+        let word = format!("sit {} cm sideways", (100.0 * height).round());
+        let mut swivels: Vec<f32> = Vec::new();
+        for (clip, first, _, complete) in spans(ActionLabel::Sit).filter(|s| s.0.name.starts_with(&word)) {
+            let seated = |p: &Posture| p.root_position.z < height + SEATED_HIPS_HEIGHT + 0.005;
+            let postures = &clip.motion.postures;
+            let down = (first..complete).find(|f| seated(&postures[*f])).expect("a seat");
+            let turn = turned(clip, down, complete).to_degrees();
+            swivels.push(turn);
+            for posture in &postures[down..=complete] {
+                let glide = posture.root_position.truncate() - postures[complete].root_position.truncate();
+                let most = if clip.name.contains("front") { 0.125 } else { 0.012 };
+                assert!(seated(posture) && glide.length() < most, "{}: {glide}", clip.name);
+            }
+            // Between the landing and the end no knee goes through the other leg's.
+            for posture in &postures[down..=complete] {
+                let pose = posture.pose();
+                let apart = pose.position(Joint::LeftLeg).distance(pose.position(Joint::RightLeg));
+                assert!(apart > 0.11, "{}: knees {apart} m apart", clip.name);
+            }
+        }
+        assert_eq!(swivels.len(), 12, "{word}");
+        assert!(swivels.iter().any(|t| (t - 60.0).abs() < 6.0), "{swivels:?}");
+        assert!(swivels.iter().filter(|t| (*t - 90.0).abs() < 6.0).count() == 10, "{swivels:?}");
     }
 }
 
