@@ -30,11 +30,16 @@ fn library() -> &'static MotionLibrary {
     LIBRARY.get_or_init(|| starter::generate(&Progress::new()).expect("the starter library"))
 }
 
-/// The longest segment of a label, cut to `frames`; with the frame at which its action is complete.
+/// The longest segment of a label, cut to `frames`; with the frame at which its action is complete. Sits from the front.
 fn segment(label: ActionLabel, frames: usize) -> (Motion, usize) {
+    segment_of(|name| !name.contains("sideways"), label, frames)
+}
+
+/// As [`segment`], of clips by their names.
+fn segment_of(wanted: impl Fn(&str) -> bool, label: ActionLabel, frames: usize) -> (Motion, usize) {
     let clips = library().clips.iter().flat_map(|c| c.segments.iter().map(move |s| (c, s)));
     let (clip, s) = clips
-        .filter(|(_, s)| s.label == label)
+        .filter(|(c, s)| s.label == label && wanted(&c.name))
         .max_by_key(|(c, s)| (s.end.min(c.motion.len()) - s.first, c.motion.len()))
         .expect("a segment");
     // A sit goes on into the seated part.
@@ -158,7 +163,10 @@ fn seat_scene(height: f32, depth: f32) -> SceneIndex {
 
 /// A sit of the library, carried so that it ends near the origin, `off` from it and turned by `turn`.
 fn sitting(off: Vec2, turn: f32) -> (Motion, usize) {
-    let (mut motion, complete) = segment(ActionLabel::Sit, 170);
+    carried(segment(ActionLabel::Sit, 170), off, turn)
+}
+
+fn carried((mut motion, complete): (Motion, usize), off: Vec2, turn: f32) -> (Motion, usize) {
     let from = motion.postures[complete].planar();
     let to = oncue::math::Planar::new(off, turn);
     motion.postures.iter_mut().for_each(|p| *p = p.moved(from, to));
@@ -204,6 +212,21 @@ fn seats_from_low_to_high_are_fitted() {
     }
 }
 
+/// Who sits down on the side of a chair and turns on it is fitted as well: the turn stays a turn, the feet step round.
+#[test]
+fn a_turn_on_the_seat_is_fitted() {
+    for (name, height) in [("on the middle, turn 0", 0.44), ("on the front, turn 0", 0.50)] {
+        let wanted = |n: &str| n.starts_with("sit 46 cm sideways") && n.contains(name) && n.contains("90°");
+        let (motion, complete) =
+            carried(segment_of(wanted, ActionLabel::Sit, 170), Vec2::new(0.02, -0.02), 0.08);
+        let cue = sit_cue(height, [None; 2]);
+        let fitted = fit(&motion, complete, &cue, &seat_scene(height, 0.42)).expect("a fit");
+        let s = &fitted.seat;
+        assert!(s.pelvis_cm < 0.5 && s.facing_degrees < 1.0 && s.thigh_cm < 0.8, "{height}: {s:?}");
+        assert_sound(&motion, &Edited { motion: fitted.motion, figures: fitted.figures });
+    }
+}
+
 #[test]
 fn feet_step_to_their_cues_and_do_not_slide() {
     let scene = seat_scene(0.45, 0.45);
@@ -229,6 +252,17 @@ fn a_foot_cue_that_no_leg_reaches_is_refused() {
     let cue = sit_cue(0.45, [Some(Vec3::new(0.1, -1.15, 0.0)), None]);
     let text = fit(&motion, complete, &cue, &seat_scene(0.45, 0.45)).expect_err("out of reach").to_string();
     assert!(text.contains("Seat: left foot") && text.contains("towards the character"), "{text}");
+}
+
+#[test]
+fn feet_on_the_floor_before_a_high_stool_contradict_it() {
+    let (motion, complete) = sitting(Vec2::ZERO, 0.0);
+    let feet = [Some(Vec3::new(0.20, -0.42, 0.0)), Some(Vec3::new(-0.10, -0.30, 0.0))];
+    let (cue, scene) = (sit_cue(0.70, feet), seat_scene(0.70, 0.40));
+    let error = fit(&motion, complete, &cue, &scene).expect_err("thighs in the seat");
+    let text = error.to_string();
+    assert!(matches!(error, Error::Unreachable(_)) && text.contains("contradict each other"), "{text}");
+    assert!(fit(&motion, complete, &sit_cue(0.70, [None; 2]), &scene).is_ok());
 }
 
 /// Where a hand holds what it holds: 8 cm from the wrist along the hand and 2 cm before the palm, which faces down in the

@@ -40,6 +40,9 @@ const STEP_APART: f32 = 0.35;
 /// How high a seated step lifts the foot, metres, and for each metre of its way.
 const STEP_LIFT: (f32, f32) = (0.02, 0.10);
 
+/// Deeper no thigh is pressed into a seat for the sake of where the feet stand, cm.
+const DEEPEST_THIGH: f32 = 2.0;
+
 /// How a seated person sits, on the motion's last frame unless said otherwise.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SeatFigures {
@@ -82,7 +85,8 @@ impl Seat<'_> {
     /// Fits the motion to the seat.
     ///
     /// # Errors
-    /// `Unreachable` where a foot cue or the pelvis's place is out of reach, by how much and which way; `Cancelled`.
+    /// `Unreachable` where a foot cue or the pelvis's place is out of reach, by how much and which way, and where foot cues
+    /// ask for thighs that pass through the seat; `Cancelled`.
     pub fn fit<D: Decoder>(&self, decoder: Option<&D>, progress: &Progress) -> Result<SeatFit> {
         progress.stage("Fitting the seat");
         self.check()?;
@@ -112,6 +116,13 @@ impl Seat<'_> {
         edit.check_reach(&constraints, progress)?;
         let Edited { motion, figures } = edit.run(decoder, progress)?;
         let seat = self.figures(&motion, settled.hangs);
+        if seat.thigh_cm > DEEPEST_THIGH && self.cue.feet.iter().any(Option::is_some) {
+            return Err(Error::Unreachable(format!(
+                "‘{}’ and its foot cues contradict each other: with the feet there the thighs would be {:.0} cm inside the seat. \
+                 Move the feet nearer to the seat's front edge, or take their cues away.",
+                self.cue.name, seat.thigh_cm
+            )));
+        }
         Ok(SeatFit { motion, figures, seat })
     }
 
