@@ -3,10 +3,11 @@
 mod common;
 
 use glam::{Quat, Vec3};
-use oncue::controller::KeptPolicy;
+use oncue::controller::{Environment, EpisodeEnd, KeptPolicy, keep_motion};
 use oncue::library::database::MotionDatabase;
 use oncue::library::starter;
-use oncue::metrics::foot_figures;
+use oncue::math::rotation::wrap_angle;
+use oncue::metrics::{foot_figures, penetration_figures};
 use oncue::motion::Joint;
 use oncue::report::PolicySource;
 use oncue::scene::SceneIndex;
@@ -175,4 +176,63 @@ fn cancel_is_seen() {
     let task = task(ActionType::Sit);
     let result = synthesize(&room(), &database, &task, None, &Settings::default(), 1, &progress);
     assert!(matches!(result, Err(Error::Cancelled)));
+}
+
+/// A chair without a back, 16 cm from a desk before a wall.
+fn desk() -> (SceneIndex, Task) {
+    let (positions, triangles) = boxes(&[
+        ([-2.5, -2.5, -0.1], [2.5, 2.5, 0.0]),
+        ([-2.5, 2.5, 0.0], [2.5, 2.6, 2.0]),
+        ([-0.7, 1.7, 0.68], [0.7, 2.4, 0.72]),
+        ([-0.2, 1.14, 0.42], [0.2, 1.54, 0.46]),
+    ]);
+    let scene = SceneIndex::build(&positions, &triangles, &Settings::default().scene, &Progress::new());
+    let task = Task {
+        cue: ActionCue {
+            name: "Desk chair".into(),
+            position: Vec3::new(0.0, 1.34, 0.56),
+            yaw: std::f32::consts::PI,
+            ..task(ActionType::Sit).cue
+        },
+        ..task(ActionType::Sit)
+    };
+    (scene.expect("a room"), task)
+}
+
+#[test]
+fn sits_down_at_a_desk_from_the_side() {
+    let (scene, task) = desk();
+    let settings = Settings::default();
+    let done =
+        synthesize(&scene, &database(), &task, None, &settings, 1, &Progress::new()).expect("a motion");
+    let report = &done.report;
+    assert!(report.success, "{:?}", report.problems);
+    assert!(report.penetration.percent == 0.0, "{:?}", report.penetration);
+    assert!(report.penetration.whole_body_percent < 5.0, "{:?}", report.penetration);
+    // Where the pelvis comes down the person faces aside: there is no room to stand before the chair.
+    let down = done.motion.postures.iter().find(|p| p.root_position.z < 0.62).expect("a seated frame");
+    let aside = wrap_angle(down.planar().yaw - task.cue.yaw).abs().to_degrees();
+    assert!((40.0..120.0).contains(&aside), "{aside}");
+}
+
+/// What a rollout is judged by is what the report says of it.
+#[test]
+fn the_figures_that_choose_are_the_figures_that_are_reported() {
+    let (scene, task) = desk();
+    let (settings, database) = (Settings::default(), database());
+    let prior = KeptPolicy::prior().expect("the prior");
+    let environment = Environment::new(&scene, &database, &task, &settings);
+    for seed in 1..=3 {
+        let kept = keep_motion(&environment, &prior.policy, seed, &Progress::new()).expect("a motion");
+        assert_eq!(kept.end, EpisodeEnd::Complete);
+        assert_eq!(kept.motion.len(), kept.tally.frames + 1);
+        let hold = (settings.synthesizer.hold_seconds * 30.0) as usize;
+        assert_eq!(kept.complete + hold, kept.tally.frames);
+        let seat = kept.action_from.zip(task.cue.seat_height());
+        let ignore = settings.reward.ignore_below;
+        let reported = penetration_figures(&kept.motion, &scene, 0.0, ignore, seat);
+        let touching = reported.whole_body_percent / 100.0 * kept.motion.len() as f32;
+        // The standing frame at the start, and the one on which the sit is entered, may count on one side only.
+        assert!((touching - kept.tally.touching as f32).abs() < 2.5, "{touching} {:?}", kept.tally);
+    }
 }

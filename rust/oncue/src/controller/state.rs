@@ -192,8 +192,8 @@ fn find_action(
 ) -> Option<ActionMatch> {
     let cue = &environment.task.cue;
     // From farther away than any action of the library reaches, none could be accepted.
-    let synthesizer = &environment.settings.synthesizer;
-    if distance > environment.database.reach(cue.action_type) + synthesizer.refuse_position {
+    let settings = &environment.settings.synthesizer;
+    if distance > environment.database.reach(cue.action_type) + settings.refuse_position {
         return None;
     }
     let target = character.planar.relative(cue.planar());
@@ -207,7 +207,6 @@ fn find_action(
         return None;
     };
     let posture = environment.transition_cost(query, found.frame);
-    let settings = synthesizer;
     let sits = cue.action_type == ActionType::Sit;
     let matched = ActionMatch {
         found,
