@@ -15,7 +15,7 @@ use crate::metrics::{Residual, foot_figures, penetration_figures, residual, spee
 use crate::motion::Motion;
 use crate::progress::Progress;
 use crate::report::{PolicySource, REPORT_VERSION, Report};
-use crate::scene::{SceneIndex, check_task};
+use crate::scene::{KNEE_ROOM, SceneIndex, check_task, short_of_knee_room};
 use crate::settings::Settings;
 
 /// A motion, its report, and the policy that played it.
@@ -95,7 +95,7 @@ pub fn synthesize_along(
     let penetration = penetration_figures(&motion, scene, floor, ignore, seat);
     laps.done("measure");
 
-    let mut problems = problems(kept.end, &cues, task);
+    let mut problems = problems(kept.end, &cues, scene, task);
     problems.extend(edited.iter().flat_map(|e| e.problems.clone()));
     let report = Report {
         report_version: REPORT_VERSION,
@@ -210,8 +210,14 @@ fn find_motion(
 }
 
 /// In words what went wrong; empty when nothing did.
-fn problems(end: EpisodeEnd, cues: &[Residual], task: &Task) -> Vec<String> {
+fn problems(end: EpisodeEnd, cues: &[Residual], scene: &SceneIndex, task: &Task) -> Vec<String> {
     let name = &task.cue.name;
+    if let Some(ahead) = short_of_knee_room(scene, &task.cue).filter(|_| end != EpisodeEnd::Complete) {
+        return vec![format!(
+            "No motion ends at '{name}': something stands {ahead:.2} m in front of the pelvis, and knees need {KNEE_ROOM:.2} m; move the \
+             cue back, turn it, or move what stands there."
+        )];
+    }
     let sits = task.cue.action_type == ActionType::Sit;
     match end {
         EpisodeEnd::Complete => cues

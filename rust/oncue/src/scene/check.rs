@@ -16,6 +16,8 @@ const SUNK: f32 = 0.12;
 const SEAT: (f32, f32) = (0.20, 0.85);
 /// Thighs need so much room before the pelvis, metres: half of a thigh and the shin before it.
 const LEG_ROOM: f32 = 0.28;
+/// Knees reach so far before the pelvis, metres.
+pub const KNEE_ROOM: f32 = 0.48;
 /// A start may stand so far over or under its floor, metres.
 const START_TOLERANCE: f32 = 0.25;
 /// Something on both sides so near, metres, means inside of it.
@@ -193,19 +195,29 @@ fn check_seat(scene: &SceneIndex, cue: &ActionCue) -> Result<()> {
             SEAT.0
         )));
     }
-    let facing = cue.planar().forward();
-    let left = rotate(std::f32::consts::FRAC_PI_2, facing);
-    let ahead = [-0.1, 0.1]
-        .iter()
-        .filter_map(|&side| scene.ray((xy + left * side).extend(place.z), facing.extend(0.0), LEG_ROOM))
-        .reduce(f32::min);
-    if let Some(ahead) = ahead {
+    if let Some(ahead) = before_the_pelvis(scene, cue, LEG_ROOM) {
         return Err(Error::input(format!(
             "Sit cue ‘{name}’ has no room for the legs: something is {ahead:.2} m in front of the pelvis, where {LEG_ROOM:.2} m are \
              needed; turn the cue, move it back, or move what is there."
         )));
     }
     Ok(())
+}
+
+/// How near before the pelvis of a person on the cue something stands, metres; `None` where nothing does `within`.
+fn before_the_pelvis(scene: &SceneIndex, cue: &ActionCue, within: f32) -> Option<f32> {
+    let facing = cue.planar().forward();
+    let left = rotate(std::f32::consts::FRAC_PI_2, facing);
+    [-0.1, 0.1]
+        .iter()
+        .filter_map(|&side| scene.ray(cue.position + (left * side).extend(0.0), facing.extend(0.0), within))
+        .reduce(f32::min)
+}
+
+/// How near something stands before a seated person whose knees do not fit there, metres. Nobody is refused for it: one
+/// can sit so with the knees apart, but the motion library may not.
+pub fn short_of_knee_room(scene: &SceneIndex, cue: &ActionCue) -> Option<f32> {
+    (cue.action_type == ActionType::Sit).then(|| before_the_pelvis(scene, cue, KNEE_ROOM)).flatten()
 }
 
 /// A sentence when the sit cue is inside a wall or under something.

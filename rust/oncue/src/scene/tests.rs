@@ -477,6 +477,23 @@ fn a_seat_close_to_a_table_is_entered_from_its_side_with_the_back_to_it() {
 }
 
 #[test]
+fn knees_that_do_not_fit_are_measured() {
+    let bar = |gap: f32| {
+        Mesh::default()
+            .floor(Vec2::ZERO, Vec2::new(6.0, 6.0), 0.0)
+            .solid([2.8, 2.8, 0.62], [3.2, 3.2, 0.66])
+            .solid([3.0 + gap, 2.0, 0.1], [3.5 + gap, 4.0, 1.0])
+            .build()
+            .unwrap()
+    };
+    let cue = sit(3.0, 3.0, 0.76, 0.0);
+    let near = short_of_knee_room(&bar(0.40), &cue).unwrap();
+    assert!((near - 0.40).abs() < 1e-4, "{near}");
+    assert_eq!(short_of_knee_room(&bar(0.50), &cue), None);
+    assert_eq!(short_of_knee_room(&bar(0.40), &stop(3.0, 3.0)), None);
+}
+
+#[test]
 fn a_gap_of_55_cm_is_passable_and_one_of_15_cm_is_not() {
     let with_gap = |gap: f32| {
         Mesh::default()
