@@ -575,3 +575,26 @@ fn cancel_is_seen() {
     let result = edit_motion(&motion, &wishes, None, &EditorSettings::default(), &progress);
     assert!(matches!(result, Err(Error::Cancelled)));
 }
+
+/// A hand that is asked for while the person turns on the seat follows its path, and the turn goes on; who stands is held.
+#[test]
+fn nobody_is_held_in_the_middle_of_a_turn() {
+    let wanted = |n: &str| n.starts_with("sit 46 cm sideways on the middle, turn 0") && n.contains("90°");
+    let (motion, complete) = segment_of(wanted, ActionLabel::Sit, 170);
+    let turning = complete - 25;
+    let here = gripping(&motion.postures[turning].pose(), Joint::RightHand);
+    let cue = |first: usize, place: Vec3| ManipulationCue {
+        name: "Cup".into(),
+        hand: Hand::Right,
+        first_frame: Some(first),
+        path: vec![place + Vec3::Z * 0.05; 12],
+    };
+    let moving = carry(&motion, &[cue(turning, here)]).expect("within reach");
+    assert_eq!(moving.holds, []);
+    let facing = |m: &Motion| m.postures[complete].planar().yaw;
+    assert!((facing(&moving.motion) - facing(&motion)).abs() < 0.1, "{}", facing(&moving.motion));
+
+    let still = standing();
+    let place = gripping(&still.postures[70].pose(), Joint::RightHand);
+    assert_eq!(carry(&still, &[cue(70, place)]).expect("within reach").holds, [(70, 12)]);
+}

@@ -52,6 +52,8 @@ pub struct ManipulationFigures {
 pub struct Manipulated {
     pub motion: Motion,
     pub cues: Vec<ManipulationFigures>,
+    /// Where the motion was held on its way: a frame of the motion so far, and how many frames were put in after it.
+    pub holds: Vec<(usize, usize)>,
     pub figures: EditFigures,
 }
 
@@ -109,7 +111,7 @@ pub fn manipulate<D: Decoder>(
     settings: &EditorSettings,
     progress: &Progress,
 ) -> Result<Manipulated> {
-    let (motion, placed) = place(motion, cues, floor, settings)?;
+    let Placed { motion, placed, holds } = place(motion, cues, floor, settings)?;
     let constraints: Vec<Constraint> =
         placed.iter().flat_map(|&(first, cue)| constraints(&motion, first, cue)).collect();
     let wishes = Wishes { constraints: &constraints, keys: &[], scene, floor };
@@ -122,7 +124,7 @@ pub fn manipulate<D: Decoder>(
             frames: cue.path.len(),
         })
         .collect();
-    Ok(Manipulated { motion: edited.motion, cues, figures: edited.figures })
+    Ok(Manipulated { motion: edited.motion, cues, holds, figures: edited.figures })
 }
 
 /// The motion as long as its cue needs it, and what the cue asks of it: what another editor would begin with.
@@ -135,9 +137,17 @@ pub fn lengthened(
     floor: f32,
     settings: &EditorSettings,
 ) -> Result<(Motion, Vec<Constraint>)> {
-    let (motion, placed) = place(motion, std::slice::from_ref(cue), floor, settings)?;
+    let Placed { motion, placed, .. } = place(motion, std::slice::from_ref(cue), floor, settings)?;
     let constraints = placed.iter().flat_map(|&(first, cue)| constraints(&motion, first, cue)).collect();
     Ok((motion, constraints))
+}
+
+/// A motion as long as its cues need it.
+struct Placed<'a> {
+    motion: Motion,
+    placed: Vec<(usize, &'a ManipulationCue)>,
+    /// See [`Manipulated::holds`].
+    holds: Vec<(usize, usize)>,
 }
 
 /// Lengthens the motion and gives each cue its first frame.
@@ -146,11 +156,12 @@ fn place<'a>(
     cues: &'a [ManipulationCue],
     floor: f32,
     settings: &EditorSettings,
-) -> Result<(Motion, Vec<(usize, &'a ManipulationCue)>)> {
+) -> Result<Placed<'a>> {
     cues.iter().try_for_each(check_cue)?;
     let mut motion = motion.clone();
     let mut placed: Vec<(usize, &ManipulationCue)> = Vec::new();
     let mut held: Range<usize> = 0..0;
+    let mut holds = Vec::new();
     let mut timed: Vec<&ManipulationCue> = cues.iter().filter(|c| c.first_frame.is_some()).collect();
     timed.sort_by_key(|c| c.first_frame);
     for cue in timed {
@@ -161,10 +172,12 @@ fn place<'a>(
             // Within a hold already: that goes on for as long as this path needs it.
             let more = end.saturating_sub(held.end);
             hold(&mut motion, held.end - 1, more);
+            holds.push((held.end - 1, more));
             held.end += more;
         } else if is_still(&motion, first, floor) {
             wait(&mut motion, first + 1);
             hold(&mut motion, first, cue.path.len());
+            holds.push((first, cue.path.len()));
             held = first..end;
         } else if end <= motion.len() || is_still(&motion, end, floor) {
             wait(&mut motion, end);
@@ -197,7 +210,7 @@ fn place<'a>(
         hold(&mut motion, last, reach + cue.path.len() + back);
         placed.push((last + reach, cue));
     }
-    Ok((motion, placed))
+    Ok(Placed { motion, placed, holds })
 }
 
 /// Refuses a range that nobody waits for.
@@ -248,8 +261,12 @@ fn is_still(motion: &Motion, frame: usize, floor: f32) -> bool {
     let (first, end) = (frame.saturating_sub(3), (frame + 3).min(last));
     let (before, after) = (root(first), root(end));
     let stands = motion.contacts[frame].iter().all(|&c| c >= 1.0);
+    // Who sits and turns on the seat has a pelvis at rest, but not the feet.
+    let (start, stop) = (motion.postures[first].pose(), motion.postures[end].pose());
+    let feet = Joint::TOES.map(|j| start.position(j).distance(stop.position(j)));
+    let still = (end - first).max(1) as f32 * STILL;
     let carried = stands || is_supported(&motion.postures[frame].pose(), floor);
-    carried && before.distance(after) < (end - first).max(1) as f32 * STILL
+    carried && before.distance(after) < still && feet.iter().all(|&moved| moved < still)
 }
 
 /// Repeats the last frame until there are `frames`.

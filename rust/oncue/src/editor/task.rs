@@ -64,8 +64,12 @@ pub fn edit_for_task(
     if !task.manipulations.is_empty() {
         progress.stage("Carrying the hands");
         match manipulate(manifold, motion, &task.manipulations, Some(scene), floor, settings, progress) {
-            Ok(Manipulated { motion: carried, cues, figures }) => {
+            Ok(Manipulated { motion: carried, cues, holds, figures }) => {
                 *motion = carried;
+                // What was held before the action is complete puts that off.
+                for (frame, count) in holds {
+                    out.complete_frame += if frame < out.complete_frame { count } else { 0 };
+                }
                 out.manipulations = cues;
                 out.constraints.extend(figures.constraints);
             }
