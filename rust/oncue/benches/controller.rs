@@ -13,7 +13,7 @@ use std::time::Instant;
 use glam::Vec3;
 use oncue::controller::KeptPolicy;
 use oncue::controller::episode::Environment;
-use oncue::controller::policy::{Policy, Spread, draw};
+use oncue::controller::policy::{Gaussian, Policy, draw};
 use oncue::controller::ppo::Ppo;
 use oncue::controller::rollout::{Rollout, Tuples};
 use oncue::library::database::MotionDatabase;
@@ -173,7 +173,7 @@ fn recorded(environment: &Environment) -> [Recorded; 2] {
             Policy::normalize(&mut numbers, &map);
             let means = policy.means(&numbers, 1, &mut activations);
             let means: Vec<f32> = means.iter().zip(&observation.proposal).map(|(m, p)| m + p).collect();
-            let drawn = draw(&means, observation.allowed, &Spread::of(&policy.log_std), 1.0, &mut rng);
+            let drawn = draw(&means, observation.allowed, &Gaussian::of(&policy.log_std), 1.0, &mut rng);
             if drawn.action_type == ActionType::Walk as usize {
                 let signal = settings.signal.decode(ActionType::Walk, &drawn.vector, character.velocity());
                 let mut query = vec![0.0; feature_size(ActionType::Walk)];
@@ -289,7 +289,7 @@ fn decision(environment: &Environment, policy: &Policy) {
             observing += lap.elapsed().as_secs_f64();
             let mean: Vec<f32> = observation.proposal.clone();
             assert_eq!(mean.len(), width);
-            let drawn = draw(&mean, observation.allowed, &Spread::of(&policy.log_std), 1.0, &mut rng);
+            let drawn = draw(&mean, observation.allowed, &Gaussian::of(&policy.log_std), 1.0, &mut rng);
             let lap = Instant::now();
             let outcome = environment.step(&mut episode, &observation, &drawn);
             stepping += lap.elapsed().as_secs_f64();

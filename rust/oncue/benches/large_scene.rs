@@ -14,7 +14,9 @@ use oncue::job::Failure;
 use oncue::library::database::MotionDatabase;
 use oncue::library::starter;
 use oncue::scene::SceneIndex;
-use oncue::{ActionCue, ActionType, InitialState, Job, Progress, Settings, Synthesis, Task, synthesize};
+use oncue::{
+    ActionCue, ActionType, Error, InitialState, Job, Progress, Settings, Synthesis, Task, synthesize,
+};
 
 const TRIANGLES: usize = 1_000_000;
 /// Moments of the run at which it is cancelled.
@@ -23,7 +25,7 @@ const CANCELS: u32 = 24;
 fn main() {
     println!("{} threads", rayon::current_num_threads());
     let whole = Instant::now();
-    let done = start().take_when_done().expect("a motion");
+    let done = finish(&start()).expect("a motion");
     let whole = whole.elapsed();
     println!(
         "{TRIANGLES} triangles, library, index and synthesis: {:.1} s, {} updates, cue met: {}, {}",
@@ -40,7 +42,7 @@ fn main() {
         let stage = job.progress().stage.to_string();
         let asked = Instant::now();
         job.cancel();
-        let cancelled = job.take_when_done().is_none();
+        let cancelled = finish(&job).is_none();
         let seconds = asked.elapsed().as_secs_f64();
         let worst = slowest.entry(if cancelled { stage } else { "(over before)".into() }).or_default();
         *worst = worst.max(seconds);
@@ -77,19 +79,13 @@ fn start() -> Job<Synthesis> {
     .expect("a thread")
 }
 
-trait TakeWhenDone<T> {
-    /// `None` where it was cancelled.
-    fn take_when_done(&self) -> Option<T>;
-}
-
-impl<T: Send + 'static> TakeWhenDone<T> for Job<T> {
-    fn take_when_done(&self) -> Option<T> {
-        while !self.wait(Duration::from_millis(200)) {}
-        match self.take() {
-            Some(Ok(value)) => Some(value),
-            Some(Err(Failure::Error(oncue::Error::Cancelled))) => None,
-            Some(Err(failure)) => panic!("{failure}"),
-            None => unreachable!("it was waited for"),
-        }
+/// Waits for the job; `None` where it was cancelled.
+fn finish(job: &Job<Synthesis>) -> Option<Synthesis> {
+    while !job.wait(Duration::from_millis(200)) {}
+    match job.take() {
+        Some(Ok(value)) => Some(value),
+        Some(Err(Failure::Error(Error::Cancelled))) => None,
+        Some(Err(failure)) => panic!("{failure}"),
+        None => unreachable!("it was waited for"),
     }
 }

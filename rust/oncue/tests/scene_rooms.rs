@@ -54,9 +54,10 @@ fn every_task_of_the_real_rooms_is_reachable_on_a_path_of_the_known_length() {
             length + end.distance(ways.goal()),
             ways.distance(start),
             approach.map_or("none".into(), |a| format!(
-                "{:.2}, {:.0}°",
+                "{:.2}, {:.0}°{}",
                 a.position.distance(ways.goal()),
-                a.angle.to_degrees()
+                a.angle.to_degrees(),
+                if ways.from_the_side() { ", side only" } else { "" }
             )),
             check.map_or_else(|e| e.to_string(), |()| "ok".into()),
             seat - scene.floor_height(),

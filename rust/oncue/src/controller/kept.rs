@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use super::episode::{Environment, Episode, EpisodeEnd, Tally};
-use super::policy::{Draw, Policy, Spread, TYPE_COUNT, draw};
+use super::policy::{Draw, Gaussian, Policy, TYPE_COUNT, draw};
 use crate::error::Result;
 use crate::math::Planar;
 use crate::motion::{FRAME_RATE, Motion};
@@ -156,7 +156,7 @@ fn play_on(
             if spread > 0.0 {
                 vary_arms(environment, episode, draws.last(), &mut mean, &mut log_std);
             }
-            draws.push(draw(&mean, observation.allowed, &Spread::of(&log_std), spread, rng));
+            draws.push(draw(&mean, observation.allowed, &Gaussian::of(&log_std), spread, rng));
         }
         if let Some(end) = environment.step(episode, &observation, &draws[decision]).end {
             return end;

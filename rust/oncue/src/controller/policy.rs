@@ -148,14 +148,14 @@ pub struct Draw {
 
 /// The spread of π's vector about its mean, each number by itself.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Spread {
+pub struct Gaussian {
     std: Vec<f32>,
     pub inverse: Vec<f32>,
     /// log of the density at the mean.
     peak: f32,
 }
 
-impl Spread {
+impl Gaussian {
     /// Of the logarithms of the standard deviations.
     pub fn of(log_std: &[f32]) -> Self {
         const HALF_LOG_TAU: f32 = 0.918_938_5;
@@ -169,7 +169,7 @@ impl Spread {
 pub fn draw(
     mean: &[f32],
     allowed: [bool; TYPE_COUNT],
-    gaussian: &Spread,
+    gaussian: &Gaussian,
     spread: f32,
     rng: &mut impl Rng,
 ) -> Draw {
@@ -220,7 +220,7 @@ pub fn log_probability(
     action_type: usize,
     mean: &[f32],
     vector: &[f32],
-    gaussian: &Spread,
+    gaussian: &Gaussian,
 ) -> f32 {
     let squares: f32 = mean
         .iter()
@@ -249,7 +249,7 @@ mod tests {
         let p = type_probabilities(&[0.0, 50.0, 0.0], [true, false, true]);
         assert_eq!(p, [0.5, 0.0, 0.5]);
         // One standard normal at its mean, worked by hand.
-        let l = log_probability(&[1.0, 0.0, 0.0], 0, &[0.3], &[0.3], &Spread::of(&[0.0]));
+        let l = log_probability(&[1.0, 0.0, 0.0], 0, &[0.3], &[0.3], &Gaussian::of(&[0.0]));
         assert!((l + 0.918_938_5).abs() < 1e-6);
     }
 }

@@ -5,7 +5,7 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use super::policy::{Policy, Spread, TYPE_COUNT, log_probability, type_probabilities};
+use super::policy::{Gaussian, Policy, TYPE_COUNT, log_probability, type_probabilities};
 use super::rollout::Tuples;
 use crate::error::Result;
 use crate::nn::{Activations, Adam, CHUNK_ROWS};
@@ -199,7 +199,7 @@ impl Chunk {
         policy.policy.forward(&self.states, rows.len(), &mut self.policy_activations);
         self.d_policy.clear();
         self.d_policy.resize(rows.len() * width, 0.0);
-        let gaussian = Spread::of(&policy.log_std);
+        let gaussian = Gaussian::of(&policy.log_std);
         let mut mean = vec![0.0; width];
         for (i, &t) in rows.iter().enumerate() {
             let output = &self.policy_activations.output()[i * width..(i + 1) * width];
@@ -294,8 +294,13 @@ mod tests {
                 let mut normal = state;
                 Policy::normalize(&mut normal, &policy.normalizer.map());
                 let mean = policy.means(&normal, 1, &mut act).to_vec();
-                let drawn =
-                    super::super::policy::draw(&mean, [true; 3], &Spread::of(&policy.log_std), 1.0, &mut rng);
+                let drawn = super::super::policy::draw(
+                    &mean,
+                    [true; 3],
+                    &Gaussian::of(&policy.log_std),
+                    1.0,
+                    &mut rng,
+                );
                 tuples.states.extend(state);
                 tuples.proposals.extend(vec![0.0; width]);
                 tuples.allowed.push([true; 3]);

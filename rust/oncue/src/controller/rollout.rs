@@ -10,7 +10,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use super::episode::{Environment, Episode, EpisodeEnd};
-use super::policy::{Policy, Spread, TYPE_COUNT, draw};
+use super::policy::{Gaussian, Policy, TYPE_COUNT, draw};
 use crate::nn::Activations;
 use crate::progress::Progress;
 
@@ -135,7 +135,7 @@ impl Group {
         let mut out: Vec<Tuples> = (0..GROUP).map(|_| Tuples::default()).collect();
         let mut states = vec![0.0; GROUP * size];
         let mut activations = Activations::default();
-        let gaussian = Spread::of(&policy.log_std);
+        let gaussian = Gaussian::of(&policy.log_std);
         for step in 0..=steps {
             if progress.is_cancelled() {
                 break;

@@ -20,9 +20,7 @@ use crate::motion::{FRAME_RATE, Posture};
 use crate::settings::StateSettings;
 use crate::synthesizer::Character;
 
-/// Within so many metres of way the end of a way from the side is looked for…
-const ARRIVAL_RANGE: f32 = 2.0;
-/// …and this near to it one turns the back to the seat.
+/// This near to where one stands before a seat that is entered from its side one turns the back to it, metres.
 const ARRIVED: f32 = 0.25;
 
 /// A sit or stop that would be possible now.
@@ -145,14 +143,19 @@ pub fn observe(
     push(f32::from(u8::from(wanted == ActionType::Stop)));
 
     let remaining = environment.path.distance(here.position);
-    // Only a seat that is entered from its side is faced otherwise than the cue, and only close by does it matter.
-    let arrival = (remaining < ARRIVAL_RANGE && environment.path.from_the_side())
-        .then(|| environment.path.arrival_from(here.position))
-        .flatten();
     // One second ahead at the pace, slower over the last half metre, and a look beyond.
     let stride = settings.signal.pace * (remaining / 0.6).clamp(0.35, 1.0);
-    let [stride_end, beyond, way @ ..] =
-        environment.path.points_ahead(here.position, [stride, stride + 0.3, AHEAD[0], AHEAD[1], AHEAD[2]]);
+    let follows = settings.state.clear_path || settings.signal.propose_clear_path;
+    let [stride_end, beyond, way @ ..] = if follows {
+        environment.path.points_ahead(here.position, [stride, stride + 0.3, AHEAD[0], AHEAD[1], AHEAD[2]])
+    } else {
+        [here.position; 5]
+    };
+    // Only a seat that is entered from its side is faced otherwise than the cue, and only close by does it matter: where
+    // the farthest look ahead is the end of the way.
+    let arrival = (follows && remaining < AHEAD[2] && environment.path.from_the_side())
+        .then(|| environment.path.arrival_at(way[2]))
+        .flatten();
     if settings.state.clear_path {
         push((remaining / 3.0).min(3.0));
         for (ahead, point) in AHEAD.into_iter().zip(way) {

@@ -31,16 +31,13 @@ pub fn angle_between(a: Quat, b: Quat) -> f32 {
 }
 
 /// Rotation of an angle-axis vector in radians.
+#[inline]
 pub fn from_angle_axis(v: Vec3) -> Quat {
-    let square = v.length_squared();
-    if square > SERIES_UP_TO {
-        return Quat::from_scaled_axis(v);
-    }
-    let (sine, cosine) = half_angle_series(square);
-    Quat::from_xyzw(v.x * sine, v.y * sine, v.z * sine, cosine)
+    from_angle_axes(&[v])[0]
 }
 
 /// [`from_angle_axis`] of many at once: the series side by side.
+#[inline]
 pub fn from_angle_axes<const N: usize>(v: &[Vec3; N]) -> [Quat; N] {
     let squares = v.map(|v| v.length_squared());
     let (mut sines, mut cosines) = ([0.0; N], [0.0; N]);

@@ -146,11 +146,13 @@ impl ClearPath {
 
     /// The approach point that the way from `from` ends at; `None` where no way leads.
     pub fn approach_from(&self, from: Vec2) -> Option<ApproachPoint> {
-        let end = *self.path(from).last()?;
-        self.approach
-            .iter()
-            .copied()
-            .min_by(|a, b| a.position.distance_squared(end).total_cmp(&b.position.distance_squared(end)))
+        self.approach_at(*self.path(from).last()?)
+    }
+
+    /// The approach point at the end of a way.
+    fn approach_at(&self, end: Vec2) -> Option<ApproachPoint> {
+        let away = |a: &ApproachPoint| a.position.distance_squared(end);
+        self.approach.iter().copied().min_by(|a, b| away(a).total_cmp(&away(b)))
     }
 
     /// Whether there is room beside the seat only: one sits down on its side and turns on it, as at a table.
@@ -158,10 +160,10 @@ impl ClearPath {
         !self.approach.is_empty() && self.approach.iter().all(|a| a.angle.abs() > FRONT.to_radians())
     }
 
-    /// Where the way from `from` ends, and which way to face there: as the cue does, or with the back to the seat where
-    /// it is entered [from the side](Self::from_the_side). `None` where no way leads.
-    pub fn arrival_from(&self, from: Vec2) -> Option<Planar> {
-        let approach = self.approach_from(from)?;
+    /// Where to stand at the `end` of a way, and which way to face: as the cue does, or with the back to the seat where it
+    /// is entered [from the side](Self::from_the_side). `None` where no way leads to the cue.
+    pub fn arrival_at(&self, end: Vec2) -> Option<Planar> {
+        let approach = self.approach_at(end)?;
         let turned = if self.from_the_side() { approach.angle } else { 0.0 };
         Some(Planar::new(approach.position, wrap_angle(self.yaw + turned)))
     }

@@ -2,8 +2,6 @@
 
 use glam::Vec2;
 
-use crate::math::floor;
-
 /// Where the cells of a grid lie. Cells are indexed `x + width * y`; (0, 0) has its lower corner at `origin`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Raster {
@@ -30,11 +28,18 @@ impl Raster {
             + self.cell * Vec2::new((index % self.width) as f32 + 0.5, (index / self.width) as f32 + 0.5)
     }
 
+    /// A world place in cells from the origin; `None` outside.
+    #[inline]
+    fn in_cells(&self, xy: Vec2) -> Option<Vec2> {
+        let p = (xy - self.origin) / self.cell;
+        let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < self.width as f32 && p.y < self.height as f32;
+        inside.then_some(p)
+    }
+
     /// The cell at a world place; `None` outside.
     pub fn index_at(&self, xy: Vec2) -> Option<usize> {
-        let c = floor((xy - self.origin) / self.cell);
-        let inside = c.cmpge(Vec2::ZERO).all() && c.x < self.width as f32 && c.y < self.height as f32;
-        inside.then(|| c.x as usize + self.width * c.y as usize)
+        // Casts of what is not negative round down.
+        self.in_cells(xy).map(|p| p.x as usize + self.width * p.y as usize)
     }
 
     /// The neighbours left, right, below and above; `None` beyond the border.
@@ -51,12 +56,8 @@ impl Raster {
     /// What a value at `xy` is blended from; `None` outside.
     #[inline]
     pub fn stencil(&self, xy: Vec2) -> Option<Stencil> {
-        let p = (xy - self.origin) / self.cell;
-        let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < self.width as f32 && p.y < self.height as f32;
-        if !inside {
-            return None;
-        }
-        // Of the four centres around, those to the right and above: casts of what is not negative round down.
+        let p = self.in_cells(xy)?;
+        // Of the four centres around, those to the right and above.
         let (right, above) = ((p.x + 0.5) as usize, (p.y + 0.5) as usize);
         let (u, v) = (p.x + 0.5 - right as f32, p.y + 0.5 - above as f32);
         let (x0, x1) = (right.saturating_sub(1), right.min(self.width - 1));

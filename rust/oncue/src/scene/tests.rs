@@ -459,14 +459,14 @@ fn a_seat_close_to_a_table_is_entered_from_its_side_with_the_back_to_it() {
     let free = at(1.2);
     let ways = ClearPath::to_cue(&free, &cue);
     assert!(!ways.from_the_side());
-    let front = ways.arrival_from(Vec2::new(3.5, 4.5)).unwrap();
+    let front = ways.arrival_at(ways.point_ahead(Vec2::new(3.5, 4.5), 100.0)).unwrap();
     assert!(wrap_angle(front.yaw - cue.yaw).abs() < 1e-6);
 
     let tight = at(0.15);
     let ways = ClearPath::to_cue(&tight, &cue);
     assert!(ways.from_the_side());
     for start in [Vec2::new(2.5, 5.5), Vec2::new(2.5, 0.5)] {
-        let arrival = ways.arrival_from(start).unwrap();
+        let arrival = ways.arrival_at(ways.point_ahead(start, 100.0)).unwrap();
         let out = arrival.position - ways.goal();
         assert!((out.y > 0.0) == (start.y > 3.0), "{out}");
         // The seat is behind: one faces away from it, by 50 to 100 degrees from where the cue faces.

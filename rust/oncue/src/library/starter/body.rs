@@ -158,9 +158,7 @@ impl Signals {
             .map(|i| {
                 let standing =
                     mass[i] + rotate(yaw[i], Vec2::new(0.0, 0.015 + 0.015 * speed[i].clamp(0.0, 1.2)));
-                plan.seat.map_or(standing, |s| {
-                    standing.lerp(s.pelvis + s.shift * plan.swivelled(time(i)), seat[i].back)
-                })
+                plan.seat.map_or(standing, |s| standing.lerp(plan.seat_place(&s, time(i)), seat[i].back))
             })
             .collect();
 
@@ -418,7 +416,7 @@ fn seat_feet(plan: &Plan, seat: &[SeatState], yaw: &[f32], feet: &mut [Vec<FootS
                     toe_bend: (1.0 - w) * sample.toe_bend,
                     ..*sample
                 };
-                let pelvis = place.pelvis + place.shift * plan.swivelled(i as f32 * STEP);
+                let pelvis = plan.seat_place(&place, i as f32 * STEP);
                 let place = pelvis + rotate(*yaw, Vec2::new(0.10 * sign, -legs.ankle_ahead));
                 let ankle = place.extend(legs.ankle_height);
                 let ball = ankle + hung.rotation() * JOINT_OFFSET[Joint::LeftToe.index()];

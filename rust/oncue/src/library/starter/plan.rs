@@ -84,6 +84,11 @@ impl Plan {
         turning.map_or(1.0, |s| ease(t, mix(s.start, s.end, SWIVEL_FROM), s.settled - SETTLE))
     }
 
+    /// Where the pelvis joint rests on `seat` at `t` seconds.
+    pub fn seat_place(&self, seat: &Seat, t: f32) -> Vec2 {
+        seat.pelvis + seat.shift * self.swivelled(t)
+    }
+
     /// The steps that carry the body: those of a seated person do not.
     pub fn standing_steps(&self) -> impl Iterator<Item = &Step> {
         self.steps.iter().filter(|step| {
@@ -247,24 +252,32 @@ impl Planner {
         })
     }
 
-    /// Turns on the spot by `total` (radians, left positive) in `count` pairs of steps, the inner foot first.
-    pub fn turn_on_spot(&mut self, total: f32, count: usize) -> &mut Self {
+    /// Turns by `total` (radians, left positive) in `count` pairs of strides, the inner foot first; the other follows it.
+    fn turn_in_pairs(
+        &mut self,
+        total: f32,
+        count: usize,
+        stride: impl Fn(&Self, f32) -> Stride,
+    ) -> &mut Self {
         let part = total / count as f32;
         self.next = if total > 0.0 { 0 } else { 1 };
-        for _ in 0..count {
-            for turn in [part, 0.0] {
-                let swing = 0.32 + 0.12 * part.abs();
-                self.stride(Stride {
-                    forward: 0.0,
-                    left: 0.0,
-                    turn,
-                    width: STANDING_WIDTH,
-                    swing,
-                    double_support: 0.17,
-                });
-            }
+        for turn in std::iter::repeat_n([part, 0.0], count).flatten() {
+            self.stride(stride(self, turn));
         }
         self
+    }
+
+    /// Turns on the spot by `total` (radians, left positive) in `count` pairs of steps, the inner foot first.
+    pub fn turn_on_spot(&mut self, total: f32, count: usize) -> &mut Self {
+        let swing = 0.32 + 0.12 * (total / count as f32).abs();
+        self.turn_in_pairs(total, count, |_, turn| Stride {
+            forward: 0.0,
+            left: 0.0,
+            turn,
+            width: STANDING_WIDTH,
+            swing,
+            double_support: 0.17,
+        })
     }
 
     /// A side step by `left` metres: out and close.
@@ -286,25 +299,20 @@ impl Planner {
     /// Turns on the seat by `total` (radians, left positive) in `count` pairs of steps round the pelvis, the inner foot
     /// first. `radius`: ankles from the pelvis joint, metres; the pelvis moves by `shift` meanwhile.
     pub fn swivel(&mut self, total: f32, count: usize, radius: f32, shift: Vec2) -> &mut Self {
-        let part = total / count as f32;
-        self.next = if total > 0.0 { 0 } else { 1 };
-        for _ in 0..count {
-            for turn in [part, 0.0] {
-                let chord = rotate(turn, Vec2::NEG_Y) - Vec2::NEG_Y;
-                // What the stride does to the body's frame, seen from half-way between both headings.
-                let moved = rotate(-(self.yaw + 0.5 * turn), shift) / (2 * count) as f32;
-                let local = rotate(-0.5 * turn, radius * chord) + moved;
-                self.stride(Stride {
-                    forward: -local.y,
-                    left: local.x,
-                    turn,
-                    width: STANDING_WIDTH,
-                    swing: 0.40,
-                    double_support: 0.08,
-                });
+        self.turn_in_pairs(total, count, |planner, turn| {
+            let chord = rotate(turn, Vec2::NEG_Y) - Vec2::NEG_Y;
+            // What the stride does to the body's frame, seen from half-way between both headings.
+            let moved = rotate(-(planner.yaw + 0.5 * turn), shift) / (2 * count) as f32;
+            let local = rotate(-0.5 * turn, radius * chord) + moved;
+            Stride {
+                forward: -local.y,
+                left: local.x,
+                turn,
+                width: STANDING_WIDTH,
+                swing: 0.40,
+                double_support: 0.08,
             }
-        }
-        self
+        })
     }
 
     /// One step backwards by `length` metres at `speed`.
