@@ -227,7 +227,7 @@ impl Default for TerminationSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PpoSettings {
-    /// Hidden widths of the policy (4 × 256) and the value network (2 × 256).
+    /// Hidden widths of the policy (the paper: 4 × 256) and the value network (2 × 256).
     pub policy_layers: Vec<usize>,
     pub value_layers: Vec<usize>,
     pub policy_rate: f32,
@@ -259,8 +259,8 @@ pub struct PpoSettings {
 impl Default for PpoSettings {
     fn default() -> Self {
         Self {
-            policy_layers: vec![256; 4],
-            value_layers: vec![256; 2],
+            policy_layers: vec![128; 3],
+            value_layers: vec![128; 2],
             policy_rate: 2e-4,
             value_rate: 1e-3,
             discount: 0.95,
@@ -378,6 +378,8 @@ impl Settings {
                 settings.signal.propose_clear_path = false;
                 settings.reward.geodesic = false;
                 settings.reward.body_weight = 0.0;
+                settings.ppo.policy_layers = vec![256; 4];
+                settings.ppo.value_layers = vec![256; 2];
                 settings.ppo.tuples = 30_000;
                 settings.ppo.epochs = 5;
                 settings.ppo.solved = 0.9;

@@ -25,8 +25,17 @@ const APPROACH_STEP: f32 = 10.0;
 const SIDE_COST: f32 = 0.8;
 /// What a metre farther from the seat than the nearest approach costs: the last step onto the seat is no walk.
 const DISTANCE_COST: f32 = 0.5;
-/// What an approach over an armrest costs, metres.
+/// What an approach over an armrest, or past the edge of a backrest, costs, metres.
 const ARMREST_COST: f32 = 0.4;
+/// Half the width of who sits down, metres.
+const HALF_WIDTH: f32 = 0.15;
+/// What an approach costs from where the legs, turning with the person on the seat, run into something, metres: rather
+/// walk round to the other side.
+const SWEEP_COST: f32 = 2.5;
+/// Where the legs are when one sits, on the front half of the seat too: from its edge to the knees, metres from the cue.
+const LEGS: (f32, f32) = (0.30, 0.58);
+/// Heights of the thighs and of the shins over the pelvis, metres.
+const LEG_HEIGHTS: [f32; 2] = [-0.03, -0.25];
 /// A seat without an approach within this angle of its front is sat down on from the side, degrees.
 const FRONT: f32 = 45.0;
 /// Room that an approach point should have; less is taken where there is no such point.
@@ -336,16 +345,34 @@ fn approach_at(scene: &SceneIndex, cue: &ActionCue, angle: f32, room: f32) -> Op
         .map(|i| goal + direction * (APPROACH.0 + 0.025 * i as f32))
         .find(|&p| grid.is_walkable(p) && grid.clearance(p) >= room)?;
     // What stands between the person and the seat at a height, up to the person's back on the seat.
-    let between = |z: f32| {
+    let between = |z: f32, aside: f32| {
         let way = position.distance(goal) - 0.15;
-        scene.ray(position.extend(z), -direction.extend(0.0), way).is_some()
+        let from = position + aside * direction.perp();
+        scene.ray(from.extend(z), -direction.extend(0.0), way).is_some()
     };
     let chest = (cue.position.z + 0.45).max(scene.floor_height() + 1.0);
-    if between(chest) {
+    if between(chest, 0.0) {
         return None;
     }
     let side = SIDE_COST * (angle / APPROACH_ANGLE.to_radians()).powi(2);
     let far = DISTANCE_COST * (position.distance(goal) - APPROACH.0);
-    let armrest = if between(cue.position.z + 0.12) { ARMREST_COST } else { 0.0 };
-    Some(ApproachPoint { position, angle, cost: side + far + armrest })
+    let over_something = [-HALF_WIDTH, 0.0, HALF_WIDTH].into_iter().any(|a| between(cue.position.z + 0.12, a));
+    let armrest = if over_something { ARMREST_COST } else { 0.0 };
+    let sweep = if legs_are_barred(scene, cue, angle) { SWEEP_COST } else { 0.0 };
+    Some(ApproachPoint { position, angle, cost: side + far + armrest + sweep })
+}
+
+/// Whether something stands in the way of the legs, at the height of the thighs or of the shins, as they turn from `angle`
+/// to the seat's front; never for an approach from the front.
+fn legs_are_barred(scene: &SceneIndex, cue: &ActionCue, angle: f32) -> bool {
+    let count = (angle.abs() / APPROACH_STEP.to_radians()).round() as i32;
+    angle.abs() > FRONT.to_radians()
+        && (0..=count).any(|i| {
+            let direction = Vec2::from_angle(cue.planar().heading() + angle * i as f32 / count as f32);
+            let from = cue.position.truncate() + LEGS.0 * direction;
+            LEG_HEIGHTS.into_iter().any(|dz| {
+                let from = from.extend(cue.position.z + dz);
+                scene.ray(from, direction.extend(0.0), LEGS.1 - LEGS.0).is_some()
+            })
+        })
 }

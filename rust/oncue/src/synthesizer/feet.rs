@@ -84,6 +84,15 @@ impl Foot {
         self.last_toe = Self::clip_toe(planar, new, side);
     }
 
+    /// Stays where it is while the root, which was to be `from` in this frame, is `to` instead.
+    pub(super) fn stay(&mut self, from: &Planar, to: &Planar, frame: &DatabaseFrame, side: usize) {
+        let clip = Self::clip_toe(to, frame, side);
+        self.toe.offset += Self::clip_toe(from, frame, side) - clip;
+        self.last_toe = clip;
+        let shown = from_angle_axis(self.turn.offset) * from.rotation() * frame.foot_rotation[side];
+        self.turn.offset = to_angle_axis(shown * (to.rotation() * frame.foot_rotation[side]).inverse());
+    }
+
     /// Whether the toe is held in place.
     pub(super) fn stands(&self) -> bool {
         self.held.is_some() && self.dragged.is_none()
@@ -151,6 +160,7 @@ impl Foot {
         pose: &mut Pose,
     ) {
         let [thigh, shin, foot, toe] = CHAIN[side].map(Joint::index);
+        self.dragged = None;
         let mut target = Self::clip_toe(planar, frame, side) + self.toe.offset;
         let lifted =
             self.stepping.map_or(0.0, |t| STEP_HEIGHT * (std::f32::consts::PI * t / STEP_TIME).sin());

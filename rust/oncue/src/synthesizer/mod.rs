@@ -44,6 +44,10 @@ const OFFSET_HALF_LIFE: f32 = 0.12;
 /// Share of the hips' fastest turn in the library that the heading may take of it; the rest is for their tilt.
 const TURN_SHARE: f32 = 0.97;
 
+/// How often a frame's root is held back for a leg that stands, and to which share of what that leg may turn.
+const WAITS: usize = 3;
+const WAIT: f32 = 0.97;
+
 /// What neither the root nor a foot leads.
 const UPPER_BODY: [Joint; 13] = [
     Joint::Spine,
@@ -213,7 +217,56 @@ impl Character {
         }
         let last = self.posture;
         self.pose_from(database);
+        self.wait_for_legs(&last, before, database);
         self.slow_down(&last, database);
+    }
+
+    /// Holds the root back where a leg that stands would have to turn faster than the library's own do; `before`: where
+    /// the root was.
+    fn wait_for_legs(&mut self, last: &Posture, before: Planar, database: &MotionDatabase) {
+        let mut ratio = self.standing_speed(last, database);
+        for _ in 0..WAITS {
+            if ratio <= 1.0 {
+                return;
+            }
+            let (planar, height) = (self.planar, self.height);
+            let share = WAIT / ratio;
+            self.planar.position = before.position.lerp(planar.position, share);
+            self.planar.yaw = wrap_angle(before.yaw + share * wrap_angle(planar.yaw - before.yaw));
+            self.height.offset.z -= (1.0 - share) * (self.posture.root_position.z - last.root_position.z);
+            let feet = self.feet;
+            for side in 0..2 {
+                self.feet[side].stay(&planar, &self.planar, &database.frames[self.frame], side);
+            }
+            self.pose_from(database);
+            let slower = self.standing_speed(last, database);
+            if slower >= ratio {
+                // It is not the root that turns the leg.
+                (self.planar, self.height, self.feet) = (planar, height, feet);
+                self.pose_from(database);
+                return;
+            }
+            ratio = slower;
+        }
+    }
+
+    /// As [`Character::leg_speed`], of the legs that stand.
+    fn standing_speed(&self, last: &Posture, database: &MotionDatabase) -> f32 {
+        let standing = (0..2).filter(|&side| self.feet[side].stands());
+        self.fastest(standing.flat_map(|side| feet::CHAIN[side]), last, database)
+    }
+
+    /// The fastest turn of these joints since `last` over the library's own, at least 1.
+    fn fastest(
+        &self,
+        joints: impl Iterator<Item = Joint>,
+        last: &Posture,
+        database: &MotionDatabase,
+    ) -> f32 {
+        joints
+            .map(Joint::index)
+            .map(|j| database.turns.ratio(j, last.rotations[j], self.posture.rotations[j]))
+            .fold(1.0, f32::max)
     }
 
     /// No joint turns faster than the library's own do (its 99.9th percentile): what is missing stays in its offset, to be
@@ -245,13 +298,7 @@ impl Character {
             let ground = (&self.planar, self.floor);
             self.feet[side].slow_down(ground, last, (source, &database.turns), side, posture, pose);
         }
-        self.leg_speed = feet::CHAIN
-            .iter()
-            .flatten()
-            .map(|j| {
-                database.turns.ratio(j.index(), last.rotations[j.index()], self.posture.rotations[j.index()])
-            })
-            .fold(1.0, f32::max);
+        self.leg_speed = self.fastest(feet::CHAIN.into_iter().flatten(), last, database);
     }
 
     /// Recomputes m_t from the database frame and everything laid over it.

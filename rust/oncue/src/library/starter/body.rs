@@ -275,11 +275,13 @@ impl Signals {
 
         // Legs.
         let mut legs = [(Vec3::ZERO, Quat::IDENTITY); 2];
+        let spread = plan.knee_spread(t) * seat.feet;
         for (s, leg) in legs.iter_mut().enumerate() {
             let [up, low, foot, toe] = LEGS[s];
             let sample = &self.feet[s][i];
             let hip = root_position + pelvis * JOINT_OFFSET[up.index()];
-            let knee_yaw = mix(self.yaw[i], sample.yaw, 0.65);
+            let knees = self.yaw[i] + spread * if s == 0 { 1.0 } else { -1.0 };
+            let knee_yaw = mix(knees, sample.yaw, 0.65);
             let (thigh, shin) = limb::leg(hip, self.ankles[s][i], rotate(knee_yaw, Vec2::NEG_Y).extend(0.0));
             world[up.index()] = thigh;
             world[low.index()] = shin;
@@ -409,15 +411,18 @@ fn seat_feet(plan: &Plan, seat: &[SeatState], yaw: &[f32], feet: &mut [Vec<FootS
                 continue;
             }
             if legs.hanging {
-                // Off the floor the feet turn as the body does.
+                // Off the floor the feet turn as the knees do.
+                let outwards = sign * plan.knee_spread(i as f32 * STEP);
                 let hung = FootSample {
-                    yaw: mix(sample.yaw, *yaw, w),
+                    yaw: mix(sample.yaw, *yaw + outwards, w),
                     pitch: mix(sample.pitch, legs.pitch, w),
                     toe_bend: (1.0 - w) * sample.toe_bend,
                     ..*sample
                 };
                 let pelvis = plan.seat_place(&place, i as f32 * STEP);
-                let place = pelvis + rotate(*yaw, Vec2::new(0.10 * sign, -legs.ankle_ahead));
+                let place = pelvis
+                    + rotate(*yaw, Vec2::new(0.10 * sign, 0.0))
+                    + rotate(*yaw + outwards, Vec2::new(0.0, -legs.ankle_ahead));
                 let ankle = place.extend(legs.ankle_height);
                 let ball = ankle + hung.rotation() * JOINT_OFFSET[Joint::LeftToe.index()];
                 *sample = FootSample { ball: sample.ball.lerp(ball, w), planted: false, ..hung };

@@ -20,6 +20,9 @@ pub const SEAT_HEIGHTS: [f32; 11] = [0.30, 0.34, 0.38, 0.42, 0.46, 0.50, 0.54, 0
 /// Of these, where one may have to turn on the seat: chairs and stools at tables and counters, not sofas.
 pub const SWIVEL_HEIGHTS: [f32; 5] = [0.38, 0.46, 0.54, 0.64, 0.75];
 
+/// Of these, where a panel may leave no room for the knees: stools at bars.
+pub const BAR_HEIGHTS: [f32; 3] = [0.64, 0.70, 0.75];
+
 /// Seconds of standing before and after what a clip is about.
 const MARGIN: f32 = 0.5;
 
@@ -136,6 +139,7 @@ fn recipes() -> Vec<Recipe> {
     let mut out = Vec::new();
     locomotion(&mut out);
     seats(&mut out);
+    BAR_HEIGHTS.iter().for_each(|&height| sits_at_a_bar(&mut out, height));
     out
 }
 
@@ -279,11 +283,16 @@ fn locomotion(out: &mut Vec<Recipe>) {
 /// The seat behind a person who stands at the planner's place.
 fn seat_behind(p: &Planner, height: f32, tuck: f32) -> Seat {
     let back = rotate(p.yaw(), Vec2::Y) * seated_legs(height, tuck).ankle_ahead;
-    Seat { height, tuck, pelvis: p.position() + back, shift: Vec2::ZERO, at_table: tuck > 0.0 }
+    Seat { height, tuck, pelvis: p.position() + back, shift: Vec2::ZERO, at_table: tuck > 0.0, spread: 0.0 }
 }
 
 /// So far before where one sits in the end is the back of a chair no hindrance, metres.
 const CLEAR_OF_THE_BACK: f32 = 0.11;
+/// So far behind where one sits in the end the knees pass before the panel of a bar, metres.
+const CLEAR_OF_THE_BAR: f32 = 0.14;
+/// Knees at such a panel: each turned outwards by so much, and the shins under the seat, radians.
+const KNEES_APART: f32 = 0.72;
+const FEET_AT_THE_BAR: f32 = 0.20;
 
 /// Seconds from the first lean to sitting.
 fn way_down(height: f32) -> f32 {
@@ -291,22 +300,33 @@ fn way_down(height: f32) -> f32 {
 }
 
 fn sit_down(p: &mut Planner, height: f32, tuck: f32) {
-    sit_down_and_swivel(p, height, tuck, 0.0, 0.0);
+    sit_down_and_swivel(p, height, tuck, Swivel::default());
 }
 
-/// Sits down, then turns on the seat by `swivel` radians and moves back on it by `back` metres.
-fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: f32, back: f32) {
+/// What one does on a seat before one sits as one stays.
+#[derive(Debug, Clone, Copy, Default)]
+struct Swivel {
+    /// Radians, left positive.
+    turn: f32,
+    /// Metres that the pelvis moves back meanwhile.
+    back: f32,
+    /// How far each knee turns outwards, radians.
+    spread: f32,
+}
+
+fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) {
     let mut seat = seat_behind(p, height, tuck);
     // The trunk begins to lean as the last foot comes down.
     let start = p.now() - if p.stepped() { 0.15 } else { 0.0 };
     let end = start + way_down(height);
     let mut settled = end;
-    if swivel != 0.0 {
+    if swivel.turn != 0.0 {
         seat.at_table = true;
-        seat.shift = rotate(p.yaw() + swivel, Vec2::Y) * back;
+        seat.spread = swivel.spread;
+        seat.shift = rotate(p.yaw() + swivel.turn, Vec2::Y) * swivel.back;
         p.stand(start + SWIVEL_FROM * (end - start) - p.now());
-        let count = (swivel.abs() / 0.9).ceil() as usize;
-        p.swivel(swivel, count, seated_legs(height, tuck).ankle_ahead, seat.shift);
+        let count = (swivel.turn.abs() / 0.9).ceil() as usize;
+        p.swivel(swivel.turn, count, seated_legs(height, tuck).ankle_ahead, seat.shift);
         settled = settled.max(p.now() + SETTLE);
     }
     let plan = p.plan_mut();
@@ -392,34 +412,76 @@ fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
 /// Sits down on the side of a seat and turns on it towards its front, as where a table leaves no room to stand before it:
 /// on its middle where the table is close, or on the front half, clear of a back, and then back.
 fn swivelling_sits(out: &mut Vec<Recipe>, height: f32) {
-    let cm = (100.0 * height).round();
-    let ways = [
-        (0.0f32, false, 60.0f32),
-        (0.0, false, 90.0),
-        (0.0, true, 90.0),
-        (90.0, false, 90.0),
-        (-90.0, false, 90.0),
-    ];
-    for back in [0.0, CLEAR_OF_THE_BACK] {
-        let half = if back > 0.0 { "front" } else { "middle" };
-        for (turn, back_step, swivel) in ways {
-            let mut p = planner(out, if back_step { 1 } else { 0 });
-            p.stand(MARGIN + 0.1);
-            if turn != 0.0 {
-                p.turn_on_spot(turn.to_radians(), 2);
-            }
-            if back_step {
-                p.back_step(0.22, 0.42, 0.0).close(0.42);
-            }
-            sit_down_and_swivel(&mut p, height, 0.0, swivel.to_radians(), back);
-            let how = if back_step { "back step".into() } else { format!("turn {turn}°") };
-            add(out, format!("sit {cm} cm sideways on the {half}, {how}, swivel {swivel}°"), p, 0.0);
+    for (half, back) in [("middle", 0.0), ("front", CLEAR_OF_THE_BACK)] {
+        for degrees in [60.0f32, 90.0] {
+            let swivel = Swivel { turn: degrees.to_radians(), back, spread: 0.0 };
+            sideways_sit(out, height, half, 0.0, swivel, Arriving::Turning(0.0));
         }
-        let mut p = planner(out, 1);
-        let from = walk_up_and_turn(&mut p, 0.8, PI);
-        sit_down_and_swivel(&mut p, height, 0.0, FRAC_PI_2, back);
-        add(out, format!("sit {cm} cm sideways on the {half}, walk up from 0°, swivel 90°"), p, from);
+        let swivel = Swivel { turn: FRAC_PI_2, back, spread: 0.0 };
+        for arriving in FROM_THE_SIDE {
+            sideways_sit(out, height, half, 0.0, swivel, arriving);
+        }
     }
+}
+
+/// Sits down on the side of a high stool, on its rear half, turns and moves in with the knees apart and the feet drawn
+/// back: so one sits at a bar whose panel is nearer than knees reach.
+fn sits_at_a_bar(out: &mut Vec<Recipe>, height: f32) {
+    let swivel = Swivel { turn: FRAC_PI_2, back: -CLEAR_OF_THE_BAR, spread: KNEES_APART };
+    for arriving in [Arriving::Turning(0.0)].into_iter().chain(FROM_THE_SIDE) {
+        sideways_sit(out, height, "rear, knees apart", FEET_AT_THE_BAR, swivel, arriving);
+    }
+}
+
+/// How one comes to stand with the back to the side of a seat.
+#[derive(Debug, Clone, Copy)]
+enum Arriving {
+    /// Turns on the spot, degrees.
+    Turning(f32),
+    /// Steps back.
+    BackStep,
+    /// Walks up to the seat and turns round.
+    WalkingUp,
+}
+
+/// All but standing there already.
+const FROM_THE_SIDE: [Arriving; 4] =
+    [Arriving::BackStep, Arriving::Turning(90.0), Arriving::Turning(-90.0), Arriving::WalkingUp];
+
+/// `half`: the part of the seat that one lands on, for the name.
+fn sideways_sit(
+    out: &mut Vec<Recipe>,
+    height: f32,
+    half: &str,
+    tuck: f32,
+    swivel: Swivel,
+    arriving: Arriving,
+) {
+    let walks = matches!(arriving, Arriving::WalkingUp);
+    let mut p = planner(out, usize::from(!matches!(arriving, Arriving::Turning(_))));
+    let mut from = 0.0;
+    if !walks {
+        p.stand(MARGIN + 0.1);
+    }
+    let how = match arriving {
+        Arriving::Turning(degrees) => {
+            if degrees != 0.0 {
+                p.turn_on_spot(degrees.to_radians(), 2);
+            }
+            format!("turn {degrees}°")
+        }
+        Arriving::BackStep => {
+            p.back_step(0.22, 0.42, 0.0).close(0.42);
+            "back step".into()
+        }
+        Arriving::WalkingUp => {
+            from = walk_up_and_turn(&mut p, 0.8, PI);
+            "walk up from 0°".into()
+        }
+    };
+    sit_down_and_swivel(&mut p, height, tuck, swivel);
+    let (cm, degrees) = ((100.0 * height).round(), swivel.turn.to_degrees().round());
+    add(out, format!("sit {cm} cm sideways on the {half}, {how}, swivel {degrees}°"), p, from);
 }
 
 /// Walks towards a seat and turns left by `turn` in front of it; gives the time when it walks evenly.

@@ -61,6 +61,8 @@ pub struct Seat {
     pub shift: Vec2,
     /// There is a table: the hands rest in the lap, not towards the knees.
     pub at_table: bool,
+    /// How far each knee is turned outwards in the end, radians.
+    pub spread: f32,
 }
 
 /// All that the motion of one clip follows from.
@@ -80,13 +82,28 @@ pub struct Plan {
 impl Plan {
     /// How far a seated person has turned on the seat at `t` seconds: 0 to 1.
     pub fn swivelled(&self, t: f32) -> f32 {
-        let turning = self.seatings.iter().find(|s| s.down && s.settled > s.end);
-        turning.map_or(1.0, |s| ease(t, mix(s.start, s.end, SWIVEL_FROM), s.settled - SETTLE))
+        self.swivel_time().map_or(1.0, |(from, to)| ease(t, from, to))
+    }
+
+    /// From when to when a person turns on the seat, seconds.
+    fn swivel_time(&self) -> Option<(f32, f32)> {
+        let turning = self.seatings.iter().find(|s| s.down && s.settled > s.end)?;
+        Some((mix(turning.start, turning.end, SWIVEL_FROM), turning.settled - SETTLE))
     }
 
     /// Where the pelvis joint rests on `seat` at `t` seconds.
     pub fn seat_place(&self, seat: &Seat, t: f32) -> Vec2 {
-        seat.pelvis + seat.shift * self.swivelled(t)
+        let moved = match self.swivel_time() {
+            // Who has no room for the knees moves in once they are past what is ahead.
+            Some((from, to)) if seat.spread > 0.0 => ease(t, mix(from, to, MOVE_IN_FROM), to + SETTLE),
+            _ => self.swivelled(t),
+        };
+        seat.pelvis + seat.shift * moved
+    }
+
+    /// How far each knee is turned outwards at `t` seconds, radians.
+    pub fn knee_spread(&self, t: f32) -> f32 {
+        self.seat.map_or(0.0, |seat| seat.spread * ease(self.swivelled(t), 0.0, KNEES_PAST))
     }
 
     /// The steps that carry the body: those of a seated person do not.
@@ -108,6 +125,10 @@ const SHORTEST_SWING: f32 = 0.23;
 const SWING_PER_METRE: f32 = 0.45;
 /// Share of the way down after which a person may turn on the seat: the weight is on it and the trunk comes up.
 pub const SWIVEL_FROM: f32 = 0.80;
+/// Share of the turn on the seat in which knees are spread, and from which on one moves in: both have passed by then
+/// what is ahead in the end.
+const KNEES_PAST: f32 = 0.6;
+const MOVE_IN_FROM: f32 = 0.7;
 /// Seconds from the last step of the turn until all of the body has come round.
 pub const SETTLE: f32 = 0.25;
 
