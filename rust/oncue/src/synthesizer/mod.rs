@@ -44,8 +44,8 @@ const OFFSET_HALF_LIFE: f32 = 0.12;
 /// Share of the hips' fastest turn in the library that the heading may take of it; the rest is for their tilt.
 const TURN_SHARE: f32 = 0.97;
 
-/// How often a frame's root is held back for a leg that stands, and to which share of what that leg may turn.
-const WAITS: usize = 3;
+/// How often a frame's root is held back for a leg, and to which share of what that leg may turn.
+const WAITS: usize = 8;
 const WAIT: f32 = 0.97;
 
 /// What neither the root nor a foot leads.
@@ -217,60 +217,36 @@ impl Character {
         }
         let last = self.posture;
         self.pose_from(database);
-        self.wait_for_legs(&last, before, database);
         self.slow_down(&last, database);
-    }
-
-    /// Holds the root back where a leg that stands would have to turn faster than the library's own do; `before`: where
-    /// the root was.
-    fn wait_for_legs(&mut self, last: &Posture, before: Planar, database: &MotionDatabase) {
-        let mut ratio = self.standing_speed(last, database);
         for _ in 0..WAITS {
-            if ratio <= 1.0 {
-                return;
+            if self.leg_speed <= 1.0 {
+                break;
             }
-            let (planar, height) = (self.planar, self.height);
-            let share = WAIT / ratio;
-            self.planar.position = before.position.lerp(planar.position, share);
-            self.planar.yaw = wrap_angle(before.yaw + share * wrap_angle(planar.yaw - before.yaw));
-            self.height.offset.z -= (1.0 - share) * (self.posture.root_position.z - last.root_position.z);
-            let feet = self.feet;
-            for side in 0..2 {
-                self.feet[side].stay(&planar, &self.planar, &database.frames[self.frame], side);
-            }
-            self.pose_from(database);
-            let slower = self.standing_speed(last, database);
-            if slower >= ratio {
+            let hurried = self.clone();
+            self.hold_back(WAIT / self.leg_speed, before, &last, database);
+            if self.leg_speed >= hurried.leg_speed {
                 // It is not the root that turns the leg.
-                (self.planar, self.height, self.feet) = (planar, height, feet);
-                self.pose_from(database);
-                return;
+                *self = hurried;
+                break;
             }
-            ratio = slower;
         }
     }
 
-    /// As [`Character::leg_speed`], of the legs that stand.
-    fn standing_speed(&self, last: &Posture, database: &MotionDatabase) -> f32 {
-        let standing = (0..2).filter(|&side| self.feet[side].stands());
-        self.fastest(standing.flat_map(|side| feet::CHAIN[side]), last, database)
-    }
-
-    /// The fastest turn of these joints since `last` over the library's own, at least 1.
-    fn fastest(
-        &self,
-        joints: impl Iterator<Item = Joint>,
-        last: &Posture,
-        database: &MotionDatabase,
-    ) -> f32 {
-        joints
-            .map(Joint::index)
-            .map(|j| database.turns.ratio(j, last.rotations[j], self.posture.rotations[j]))
-            .fold(1.0, f32::max)
+    /// The same frame once more, the root only `share` of the way from where it was; the feet stay where they are.
+    fn hold_back(&mut self, share: f32, before: Planar, last: &Posture, database: &MotionDatabase) {
+        let hurried = self.planar;
+        self.planar.position = before.position.lerp(hurried.position, share);
+        self.planar.yaw = wrap_angle(before.yaw + share * wrap_angle(hurried.yaw - before.yaw));
+        self.height.offset.z -= (1.0 - share) * (self.posture.root_position.z - last.root_position.z);
+        for side in 0..2 {
+            self.feet[side].stay(&hurried, &self.planar, &database.frames[self.frame], side);
+        }
+        self.pose_from(database);
+        self.slow_down(last, database);
     }
 
     /// No joint turns faster than the library's own do (its 99.9th percentile): what is missing stays in its offset, to be
-    /// caught up with. A leg that stands follows the pelvis as fast as it must.
+    /// caught up with. A leg that stands follows the pelvis as fast as it must; see [`Character::hold_back`].
     fn slow_down(&mut self, last: &Posture, database: &MotionDatabase) {
         let source = &database.frames[self.frame];
         let mut slowed = false;
@@ -298,7 +274,13 @@ impl Character {
             let ground = (&self.planar, self.floor);
             self.feet[side].slow_down(ground, last, (source, &database.turns), side, posture, pose);
         }
-        self.leg_speed = self.fastest(feet::CHAIN.into_iter().flatten(), last, database);
+        self.leg_speed = feet::CHAIN
+            .iter()
+            .flatten()
+            .map(|j| {
+                database.turns.ratio(j.index(), last.rotations[j.index()], self.posture.rotations[j.index()])
+            })
+            .fold(1.0, f32::max);
     }
 
     /// Recomputes m_t from the database frame and everything laid over it.

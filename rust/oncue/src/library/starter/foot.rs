@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 use glam::{Quat, Vec2, Vec3};
 
 use super::curve::{Spline, ease, minimum_jerk, mix};
-use super::plan::{Foothold, Plan};
+use super::plan::{Foothold, Plan, Step};
 use crate::math::planar::rotate;
 use crate::motion::Joint;
 use crate::motion::skeleton::{HEEL_LENGTH, JOINT_OFFSET, TOE_HEIGHT, TOE_LENGTH};
@@ -30,6 +30,9 @@ const RISE: [(f32, [f32; 3]); 5] = [
     (0.88, [-22.5, -13.0, 0.0]),
     (1.0, [-30.0, -16.0, 0.0]),
 ];
+
+/// How high a seated person lifts a foot to put it elsewhere, of what a walking one does: there is a table over the knees.
+const SHUFFLE: f32 = 0.45;
 
 /// u where the heel strikes: lift is 0, the flat foot 1.
 const STRIKE: f32 = 0.76;
@@ -131,7 +134,9 @@ fn blend(values: [f32; 3], forward: f32) -> f32 {
 }
 
 impl Flight {
-    fn new(from: Foothold, to: Foothold, lift: f32, land: f32, earliest_rise: f32, other: Foothold) -> Self {
+    /// `effort`: how high the foot is lifted and how far the heel is, 1 in walking.
+    fn new(from: Foothold, step: &Step, earliest_rise: f32, other: Foothold, effort: f32) -> Self {
+        let &Step { lift, land, to, .. } = step;
         let swing = land - lift;
         let rise = (lift - (0.6 * swing).clamp(0.16, 0.40)).max(earliest_rise);
         let (a, b) = (ball_of(&from), ball_of(&to));
@@ -143,7 +148,7 @@ impl Flight {
         // Backwards, the heel comes down slowly.
         let flat = land + swing * mix((1.0 - STRIKE) / STRIKE, 0.55, (-forward).max(0.0));
         let time = |u: f32| lift + u / STRIKE * swing;
-        let degrees = |v: [f32; 3]| blend(v, forward).to_radians();
+        let degrees = |v: [f32; 3]| effort * blend(v, forward).to_radians();
         let mut knots = vec![(rise, 0.0)];
         knots.extend(RISE.iter().map(|&(v, p)| (mix(rise, lift, v), degrees(p))));
         knots.extend(SWING.iter().map(|&(u, p, _)| (time(u), degrees(p))));
@@ -154,7 +159,7 @@ impl Flight {
         let pitch_slope = (pitch.at(land + 0.002) - pitch.at(land - 0.002)) / 0.004 * swing / STRIKE;
         let (strike_height, slope) = heel_rest(strike_pitch);
         // A short step does not lift as high.
-        let reach = ((b - a).length() / 0.3).clamp(0.55, 1.0);
+        let reach = effort * ((b - a).length() / 0.3).clamp(0.55, 1.0);
         let mut knots = vec![(0.0, 0.0)];
         knots.extend(SWING[..SWING.len() - 1].iter().map(|&(u, _, h)| (u, reach * blend(h, forward) * 0.01)));
         knots.push((STRIKE, strike_height));
@@ -234,7 +239,8 @@ impl FootTrack {
         for step in &plan.steps {
             if step.side == side {
                 let earliest = flights.last().map_or(f32::NEG_INFINITY, |f| f.flat);
-                flights.push(Flight::new(now[side], step.to, step.lift, step.land, earliest, now[1 - side]));
+                let effort = if plan.is_seated(step) { SHUFFLE } else { 1.0 };
+                flights.push(Flight::new(now[side], step, earliest, now[1 - side], effort));
             }
             now[step.side] = step.to;
         }

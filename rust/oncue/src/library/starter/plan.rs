@@ -108,10 +108,13 @@ impl Plan {
 
     /// The steps that carry the body: those of a seated person do not.
     pub fn standing_steps(&self) -> impl Iterator<Item = &Step> {
-        self.steps.iter().filter(|step| {
-            let past = self.seatings.iter().rev().find(|s| s.start < step.lift);
-            past.is_none_or(|s| !s.down || step.lift < 0.5 * (s.start + s.end))
-        })
+        self.steps.iter().filter(|step| !self.is_seated(step))
+    }
+
+    /// Whether the person sits while taking this step.
+    pub fn is_seated(&self, step: &Step) -> bool {
+        let past = self.seatings.iter().rev().find(|s| s.start < step.lift);
+        past.is_some_and(|s| s.down && step.lift >= 0.5 * (s.start + s.end))
     }
 }
 
