@@ -29,9 +29,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::json;
 
-/// The paper's tuples an update, and the epochs of the two presets.
+/// The paper's tuples an update.
 const TUPLES: usize = 30_000;
-const EPOCHS: [usize; 2] = [3, 5];
 
 fn main() {
     let progress = Progress::new();
@@ -65,21 +64,27 @@ fn main() {
     println!("state: {} numbers", environment.state_size());
     decision(&environment, &policy);
     real_searches(&environment);
-    for epochs in EPOCHS {
-        update(&environment, &policy, epochs);
+    for preset in Settings::PRESETS {
+        update(&environment, preset);
     }
 }
 
-/// One update of [`TUPLES`] from scratch: rolled out, then learnt, here and in PyTorch.
-fn update(environment: &Environment, policy: &Policy, epochs: usize) {
-    let mut settings = environment.settings.ppo.clone();
-    settings.epochs = epochs;
+/// One update of [`TUPLES`] from scratch with a preset's networks and epochs: rolled out, then learnt, here and in
+/// PyTorch. The states are those of the environment's own preset.
+fn update(environment: &Environment, preset: &str) {
+    let settings = Settings::preset(preset).expect("a preset");
+    let policy = &Policy::new(
+        environment.state_size(),
+        &Settings { ppo: settings.ppo.clone(), ..environment.settings.clone() },
+        &mut Pcg64::seed_from_u64(1),
+    );
+    let (settings, epochs) = (settings.ppo.clone(), settings.ppo.epochs);
     let environments = std::slice::from_ref(environment);
     let mut rollout = Rollout::new(environments, 1);
     let lap = Instant::now();
     let tuples = rollout.gather(environments, policy, TUPLES, &Progress::new());
     let rolled = lap.elapsed().as_secs_f64();
-    let work = Work::new(&format!("update-{epochs}-epochs"));
+    let work = Work::new(&format!("update-{preset}"));
     if let Some(work) = &work {
         write_tuples(work, policy, &tuples, epochs);
     }
@@ -95,7 +100,7 @@ fn update(environment: &Environment, policy: &Policy, epochs: usize) {
     let (learnt_policy, learnt) = learn(tuples.clone());
     let n = tuples.rewards.len();
     println!(
-        "update of {n} tuples, {epochs} epochs of {}: {:.2} s (rollout {rolled:.2} s, {:.0} environment steps/s; learning {learnt:.2} s, {alone:.2} s on one thread)",
+        "update of {n} tuples, {preset} preset, {epochs} epochs of {}: {:.2} s (rollout {rolled:.2} s, {:.0} environment steps/s; learning {learnt:.2} s, {alone:.2} s on one thread)",
         settings.batch,
         rolled + learnt,
         n as f64 / rolled,

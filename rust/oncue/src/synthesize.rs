@@ -15,7 +15,7 @@ use crate::metrics::{Residual, foot_figures, penetration_figures, residual, spee
 use crate::motion::Motion;
 use crate::progress::Progress;
 use crate::report::{PolicySource, REPORT_VERSION, Report};
-use crate::scene::{KNEE_ROOM, SceneIndex, check_task, short_of_knee_room};
+use crate::scene::{SceneIndex, check_task, short_of_knee_room};
 use crate::settings::Settings;
 
 /// A motion, its report, and the policy that played it.
@@ -212,9 +212,11 @@ fn find_motion(
 /// In words what went wrong; empty when nothing did.
 fn problems(end: EpisodeEnd, cues: &[Residual], scene: &SceneIndex, task: &Task) -> Vec<String> {
     let name = &task.cue.name;
-    if let Some(ahead) = short_of_knee_room(scene, &task.cue).filter(|_| end != EpisodeEnd::Complete) {
+    if let Some((ahead, needed)) =
+        short_of_knee_room(scene, &task.cue).filter(|_| end != EpisodeEnd::Complete)
+    {
         return vec![format!(
-            "No motion ends at '{name}': something stands {ahead:.2} m in front of the pelvis, and knees need {KNEE_ROOM:.2} m; move the \
+            "No motion ends at '{name}': something stands {ahead:.2} m in front of the pelvis, and knees need {needed:.2} m; move the \
              cue back, turn it, or move what stands there."
         )];
     }

@@ -15,6 +15,8 @@ use crate::math::eigen::symmetric_eigen;
 const BLOCK: usize = 16;
 /// Blocks in a group.
 const GROUP: usize = 8;
+/// Groups whose bounds are found side by side.
+const RANK: usize = 8;
 /// Components that the boxes span.
 const BOXED: usize = 16;
 /// Components summed between two looks at whether to give up.
@@ -46,7 +48,7 @@ pub struct SearchIndex {
     /// [group][boxed component][block in group], lower and upper bounds.
     block_lower: Vec<f32>,
     block_upper: Vec<f32>,
-    /// [group][boxed component].
+    /// [rank][boxed component][group in rank], of groups in ranks of [`RANK`].
     group_lower: Vec<f32>,
     group_upper: Vec<f32>,
 }
@@ -95,8 +97,8 @@ impl SearchIndex {
             data,
             block_lower: vec![f32::INFINITY; groups * BOXED * GROUP],
             block_upper: vec![f32::NEG_INFINITY; groups * BOXED * GROUP],
-            group_lower: vec![f32::INFINITY; groups * BOXED],
-            group_upper: vec![f32::NEG_INFINITY; groups * BOXED],
+            group_lower: vec![f32::INFINITY; groups.next_multiple_of(RANK) * BOXED],
+            group_upper: vec![f32::NEG_INFINITY; groups.next_multiple_of(RANK) * BOXED],
         };
         for place in 0..entries {
             let (block, lane) = (place / BLOCK, place % BLOCK);
@@ -106,7 +108,7 @@ impl SearchIndex {
                 let b = (group * BOXED + c) * GROUP + block % GROUP;
                 index.block_lower[b] = index.block_lower[b].min(v);
                 index.block_upper[b] = index.block_upper[b].max(v);
-                let g = group * BOXED + c;
+                let g = (group / RANK * BOXED + c) * RANK + group % RANK;
                 index.group_lower[g] = index.group_lower[g].min(v);
                 index.group_upper[g] = index.group_upper[g].max(v);
             }
@@ -155,23 +157,21 @@ impl SearchIndex {
         if let Some(hint) = hint.filter(|h| *h < self.entries) {
             self.scan_block(self.place_of[hint] as usize / BLOCK, &q, &mut best);
         }
-        let groups = self.group_lower.len() / BOXED;
+        let lower = self.group_lower.chunks_exact(BOXED * RANK);
+        let upper = self.group_upper.chunks_exact(BOXED * RANK);
+        let bounds: Vec<[f32; RANK]> =
+            lower.zip(upper).map(|(lower, upper)| bounds_of(lower, upper, &q)).collect();
         // The most promising group first, then the others in order with a tight bound.
-        let mut first = (0, f32::INFINITY);
-        let mut bounds = [0.0f32; 1024];
-        for group in 0..groups {
-            let bound = self.group_bound(group, &q);
-            if group < bounds.len() {
-                bounds[group] = bound;
-            }
-            if bound < first.1 {
-                first = (group, bound);
+        let bounds = bounds.as_flattened();
+        let mut first = 0;
+        for (group, bound) in bounds.iter().enumerate() {
+            if *bound < bounds[first] {
+                first = group;
             }
         }
-        self.scan_group(first.0, &q, &mut best);
-        for group in 0..groups {
-            let bound = if group < bounds.len() { bounds[group] } else { self.group_bound(group, &q) };
-            if group != first.0 && bound <= best.cost {
+        self.scan_group(first, &q, &mut best);
+        for (group, bound) in bounds.iter().enumerate() {
+            if *bound <= best.cost && group != first {
                 self.scan_group(group, &q, &mut best);
             }
         }
@@ -207,35 +207,11 @@ impl SearchIndex {
     }
 
     #[inline(always)]
-    fn group_bound(&self, group: usize, q: &[f32; 64]) -> f32 {
-        let lower = &self.group_lower[group * BOXED..(group + 1) * BOXED];
-        let upper = &self.group_upper[group * BOXED..(group + 1) * BOXED];
-        let mut lanes = [0.0f32; 8];
-        for (half, lanes_at) in [(0, 0), (8, 0)] {
-            for lane in 0..8 {
-                let c = half + lane;
-                let d = (lower[c] - q[c]).max(q[c] - upper[c]).max(0.0);
-                lanes[lanes_at + lane] += d * d;
-            }
-        }
-        // Rounding must not lift the bound over the true cost.
-        lanes.iter().sum::<f32>() * 0.9999
-    }
-
-    #[inline(always)]
     fn scan_group(&self, group: usize, q: &[f32; 64], best: &mut Match) {
-        let mut bound = [0.0f32; GROUP];
-        for c in 0..BOXED {
-            let at = (group * BOXED + c) * GROUP;
-            let lower = &self.block_lower[at..at + GROUP];
-            let upper = &self.block_upper[at..at + GROUP];
-            for lane in 0..GROUP {
-                let d = (lower[lane] - q[c]).max(q[c] - upper[lane]).max(0.0);
-                bound[lane] += d * d;
-            }
-        }
-        for (lane, bound) in bound.iter().enumerate() {
-            if bound * 0.9999 <= best.cost && bound.is_finite() {
+        let boxes = group * BOXED * GROUP..(group + 1) * BOXED * GROUP;
+        let bounds: [f32; GROUP] = bounds_of(&self.block_lower[boxes.clone()], &self.block_upper[boxes], q);
+        for (lane, bound) in bounds.into_iter().enumerate() {
+            if bound <= best.cost && bound.is_finite() {
                 self.scan_block(group * GROUP + lane, q, best);
             }
         }
@@ -252,11 +228,11 @@ impl SearchIndex {
                     cost[lane] += d * d;
                 }
             }
-            let mut least = cost[0];
-            for lane in 1..BLOCK {
-                least = least.min(cost[lane]);
+            let mut near = false;
+            for cost in &cost {
+                near |= *cost <= best.cost;
             }
-            if least > best.cost {
+            if !near {
                 return;
             }
         }
@@ -268,6 +244,20 @@ impl SearchIndex {
             }
         }
     }
+}
+
+/// How near what lies in each of these boxes can be, at most a little less; infinite for an empty one.
+#[inline(always)]
+fn bounds_of<const BOXES: usize>(lower: &[f32], upper: &[f32], q: &[f32; 64]) -> [f32; BOXES] {
+    let mut bounds = [0.0f32; BOXES];
+    for ((lower, upper), q) in lower.chunks_exact(BOXES).zip(upper.chunks_exact(BOXES)).zip(q) {
+        for lane in 0..BOXES {
+            let d = (lower[lane] - q).max(q - upper[lane]).max(0.0);
+            bounds[lane] += d * d;
+        }
+    }
+    // Rounding must not lift the bound over the true cost.
+    bounds.map(|bound| 0.9999 * bound)
 }
 
 /// Orders `entries` (rows of `rotated`, `components` long) as the leaves of a k-d tree: halved, at a whole

@@ -16,8 +16,11 @@ const SUNK: f32 = 0.12;
 const SEAT: (f32, f32) = (0.20, 0.85);
 /// Thighs need so much room before the pelvis, metres: half of a thigh and the shin before it.
 const LEG_ROOM: f32 = 0.28;
-/// Knees reach so far before the pelvis, metres.
-pub const KNEE_ROOM: f32 = 0.48;
+/// Knees reach so far before the pelvis, metres; on a high seat, where they are spread at need, less far.
+const KNEE_ROOM: f32 = 0.48;
+const SPREAD_KNEE_ROOM: f32 = 0.40;
+/// A seat from so high on is a high one, metres over the floor.
+const HIGH_SEAT: f32 = 0.60;
 /// A start may stand so far over or under its floor, metres.
 const START_TOLERANCE: f32 = 0.25;
 /// Something on both sides so near, metres, means inside of it.
@@ -214,10 +217,12 @@ fn before_the_pelvis(scene: &SceneIndex, cue: &ActionCue, within: f32) -> Option
         .reduce(f32::min)
 }
 
-/// How near something stands before a seated person whose knees do not fit there, metres. Nobody is refused for it: one
-/// can sit so with the knees apart, but the motion library may not.
-pub fn short_of_knee_room(scene: &SceneIndex, cue: &ActionCue) -> Option<f32> {
-    (cue.action_type == ActionType::Sit).then(|| before_the_pelvis(scene, cue, KNEE_ROOM)).flatten()
+/// How near something stands before a seated person whose knees do not fit there, and how much room they need, metres.
+/// Nobody is refused for it: a motion library may have a way.
+pub fn short_of_knee_room(scene: &SceneIndex, cue: &ActionCue) -> Option<(f32, f32)> {
+    let height = cue.seat_height()? - scene.floor_height();
+    let needed = if height < HIGH_SEAT { KNEE_ROOM } else { SPREAD_KNEE_ROOM };
+    before_the_pelvis(scene, cue, needed).map(|ahead| (ahead, needed))
 }
 
 /// A sentence when the sit cue is inside a wall or under something.

@@ -356,7 +356,8 @@ fn approach_at(scene: &SceneIndex, cue: &ActionCue, angle: f32, room: f32) -> Op
     }
     let side = SIDE_COST * (angle / APPROACH_ANGLE.to_radians()).powi(2);
     let far = DISTANCE_COST * (position.distance(goal) - APPROACH.0);
-    let over_something = [-HALF_WIDTH, 0.0, HALF_WIDTH].into_iter().any(|a| between(cue.position.z + 0.12, a));
+    let over_something =
+        [-HALF_WIDTH, 0.0, HALF_WIDTH].into_iter().any(|a| between(cue.position.z + 0.12, a));
     let armrest = if over_something { ARMREST_COST } else { 0.0 };
     let sweep = if legs_are_barred(scene, cue, angle) { SWEEP_COST } else { 0.0 };
     Some(ApproachPoint { position, angle, cost: side + far + armrest + sweep })

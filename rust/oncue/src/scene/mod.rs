@@ -21,7 +21,7 @@ mod tree_nodes;
 mod tree_references;
 mod triangle_tree;
 
-pub use check::{KNEE_ROOM, check_task, short_of_knee_room};
+pub use check::{check_task, short_of_knee_room};
 pub use clear_path::{ApproachPoint, ClearPath};
 pub use occupancy::OccupancyGrid;
 pub use raster::Raster;

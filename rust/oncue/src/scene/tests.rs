@@ -9,7 +9,7 @@ use super::*;
 use crate::cue::{ActionCue, ActionType, InitialState, Task};
 use crate::error::Error;
 use crate::math::rotation::wrap_angle;
-use crate::motion::skeleton::Limb;
+use crate::motion::skeleton::{Limb, SEATED_HIPS_HEIGHT};
 use crate::motion::{Joint, Posture};
 
 /// A mesh made of boxes and sheets.
@@ -476,6 +476,51 @@ fn a_seat_close_to_a_table_is_entered_from_its_side_with_the_back_to_it() {
     }
 }
 
+/// The same chair and table; on one side a leg of the table stands where a person's legs come round.
+#[test]
+fn a_tight_seat_is_entered_from_the_side_where_the_legs_come_round() {
+    let beside = |side: f32| {
+        let leg = 3.0 + side * 0.30;
+        Mesh::default()
+            .floor(Vec2::ZERO, Vec2::new(6.0, 6.0), 0.0)
+            .solid([2.8, 2.8, 0.42], [3.2, 3.2, 0.46])
+            .solid([3.35, 2.4, 0.68], [4.05, 3.6, 0.74])
+            .solid([3.37, leg - 0.02, 0.0], [3.41, leg + 0.02, 0.68])
+            .build()
+            .unwrap()
+    };
+    let cue = sit(3.0, 3.0, 0.56, 0.0);
+    for side in [-1.0, 1.0] {
+        let scene = beside(side);
+        let ways = ClearPath::to_cue(&scene, &cue);
+        assert!(ways.from_the_side());
+        // Even who stands on that side goes round to the other.
+        for start in [Vec2::new(2.5, 4.6), Vec2::new(2.5, 1.4)] {
+            let arrival = ways.arrival_at(ways.point_ahead(start, 100.0)).unwrap();
+            assert!((arrival.position.y - 3.0) * side < 0.0, "{} {start}", arrival.position);
+        }
+    }
+}
+
+/// A backrest that comes forward on one side of the seat is not sat down over from there.
+#[test]
+fn a_person_has_a_width() {
+    let scene = Mesh::default()
+        .floor(Vec2::ZERO, Vec2::new(6.0, 6.0), 0.0)
+        .solid([2.8, 2.8, 0.42], [3.2, 3.2, 0.46])
+        .solid([2.8, 3.2, 0.46], [2.95, 3.25, 0.80])
+        .build()
+        .unwrap();
+    let ways = ClearPath::to_cue(&scene, &sit(3.0, 3.0, 0.56, 0.0));
+    let cost = |degrees: f32| {
+        let at = |a: &&ApproachPoint| (a.angle.to_degrees() - degrees).abs() < 1.0;
+        ways.approach_points().iter().find(at).expect("an approach").cost
+    };
+    // The line through the middle is free on both sides; a person's right shoulder is not on the left one.
+    assert!(cost(90.0) > cost(-90.0) + 0.3, "{} {}", cost(90.0), cost(-90.0));
+    assert!((cost(40.0) - cost(-40.0)).abs() < 0.1);
+}
+
 #[test]
 fn knees_that_do_not_fit_are_measured() {
     let bar = |gap: f32| {
@@ -486,11 +531,13 @@ fn knees_that_do_not_fit_are_measured() {
             .build()
             .unwrap()
     };
-    let cue = sit(3.0, 3.0, 0.76, 0.0);
-    let near = short_of_knee_room(&bar(0.40), &cue).unwrap();
-    assert!((near - 0.40).abs() < 1e-4, "{near}");
-    assert_eq!(short_of_knee_room(&bar(0.50), &cue), None);
-    assert_eq!(short_of_knee_room(&bar(0.40), &stop(3.0, 3.0)), None);
+    for (seat, gap, needed) in [(0.66, 0.36, 0.40), (0.45, 0.43, 0.48)] {
+        let cue = sit(3.0, 3.0, seat + SEATED_HIPS_HEIGHT, 0.0);
+        let (near, needs) = short_of_knee_room(&bar(gap), &cue).unwrap();
+        assert!((near - gap).abs() < 1e-4 && needs == needed, "{near} {needs}");
+        assert_eq!(short_of_knee_room(&bar(needed + 0.02), &cue), None);
+    }
+    assert_eq!(short_of_knee_room(&bar(0.36), &stop(3.0, 3.0)), None);
 }
 
 #[test]

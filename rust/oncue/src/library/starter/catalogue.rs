@@ -289,7 +289,7 @@ fn seat_behind(p: &Planner, height: f32, tuck: f32) -> Seat {
 /// So far before where one sits in the end is the back of a chair no hindrance, metres.
 const CLEAR_OF_THE_BACK: f32 = 0.11;
 /// So far behind where one sits in the end the knees pass before the panel of a bar, metres.
-const CLEAR_OF_THE_BAR: f32 = 0.14;
+const CLEAR_OF_THE_BAR: f32 = 0.16;
 /// Knees at such a panel: each turned outwards by so much, and the shins under the seat, radians.
 const KNEES_APART: f32 = 0.72;
 const FEET_AT_THE_BAR: f32 = 0.20;

@@ -2,13 +2,15 @@
 
 use std::sync::LazyLock;
 
-use super::catalogue::{SEAT_HEIGHTS, SWIVEL_HEIGHTS};
+use glam::{Vec2, Vec3};
+
+use super::catalogue::{BAR_HEIGHTS, SEAT_HEIGHTS, SWIVEL_HEIGHTS};
 use super::generate;
 use super::seat::PELVIS_BEHIND_EDGE;
 use crate::library::quality::{faults, measure};
 use crate::library::{ActionLabel, Clip, MotionLibrary};
 use crate::math::rotation::wrap_angle;
-use crate::motion::skeleton::SEATED_HIPS_HEIGHT;
+use crate::motion::skeleton::{BODY_BOXES, Limb, SEATED_HIPS_HEIGHT};
 use crate::motion::{Joint, Posture};
 use crate::progress::Progress;
 
@@ -135,7 +137,8 @@ fn swivelling_sits_turn_on_the_seat() {
         assert!(SEAT_HEIGHTS.contains(&height));
         let word = format!("sit {} cm sideways", (100.0 * height).round());
         let mut swivels: Vec<f32> = Vec::new();
-        for (clip, first, _, complete) in spans(ActionLabel::Sit).filter(|s| s.0.name.starts_with(&word)) {
+        let sideways = |clip: &Clip| clip.name.starts_with(&word) && !clip.name.contains("knees apart");
+        for (clip, first, _, complete) in spans(ActionLabel::Sit).filter(|s| sideways(s.0)) {
             let seated = |p: &Posture| p.root_position.z < height + SEATED_HIPS_HEIGHT + 0.005;
             let postures = &clip.motion.postures;
             let down = (first..complete).find(|f| seated(&postures[*f])).expect("a seat");
@@ -159,10 +162,48 @@ fn swivelling_sits_turn_on_the_seat() {
     }
 }
 
+/// On a round stool 0.41 m from the panel of a bar no leg reaches the panel, neither while the person turns and moves in
+/// nor in the end, and none goes through the stool.
+#[test]
+fn knees_apart_find_room_at_a_bar() {
+    const PANEL: f32 = 0.41;
+    const STOOL: (f32, f32) = (0.05, 0.155);
+    for height in BAR_HEIGHTS {
+        assert!(SEAT_HEIGHTS.contains(&height));
+        let word = format!("sit {} cm sideways on the rear, knees apart", (100.0 * height).round());
+        let at_bar: Vec<_> = spans(ActionLabel::Sit).filter(|s| s.0.name.starts_with(&word)).collect();
+        assert_eq!(at_bar.len(), 5, "{word}");
+        for (clip, first, _, complete) in at_bar {
+            let seat = clip.motion.postures[complete].planar();
+            for posture in &clip.motion.postures[first..] {
+                let pose = posture.pose();
+                for node in BODY_BOXES.iter().filter(|b| matches!(b.limb, Limb::Leg | Limb::Foot)) {
+                    let (at, turned) = (pose.position(node.joint), pose.rotations[node.joint.index()]);
+                    for corner in 0..8 {
+                        let sign = |bit: u32| if corner & bit == 0 { -1.0 } else { 1.0 };
+                        let corner = node.half_extents * Vec3::new(sign(1), sign(2), sign(4));
+                        let point = at + turned * (node.center + corner);
+                        let local = seat.point_to_local(point.truncate());
+                        assert!(-local.y < PANEL, "{}: {} m ahead", clip.name, -local.y);
+                        let from_middle = (local - Vec2::Y * STOOL.0).length();
+                        assert!(
+                            from_middle > STOOL.1 || point.z > height - 0.08,
+                            "{}: {from_middle} m from the middle of the stool at height {}",
+                            clip.name,
+                            point.z
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// Shins, seen as lines, stay out of a box seat; so do the feet.
 #[test]
 fn shins_stay_out_of_the_seat() {
-    for (clip, _, _, complete) in spans(ActionLabel::Sit) {
+    // What stands at a bar is a stool.
+    for (clip, _, _, complete) in spans(ActionLabel::Sit).filter(|s| !s.0.name.contains("knees apart")) {
         let seat = clip.motion.postures[complete].planar();
         let top = clip.motion.postures[complete].root_position.z - SEATED_HIPS_HEIGHT;
         for (f, posture) in clip.motion.postures.iter().enumerate() {
