@@ -84,12 +84,28 @@ impl Foot {
         self.last_toe = Self::clip_toe(planar, new, side);
     }
 
-    /// Stays where it is while the root, which was to be `from` in this frame, is `to` instead.
-    pub(super) fn stay(&mut self, from: &Planar, to: &Planar, frame: &DatabaseFrame, side: usize) {
+    /// The root, which was to be `from` in this frame, is `to` instead. Who stands stays; what swings has come `share` of its
+    /// way between the poses `ways`.
+    pub(super) fn hold_back(
+        &mut self,
+        (from, to): (&Planar, &Planar),
+        share: f32,
+        ways: (&Pose, &Pose),
+        frame: &DatabaseFrame,
+        side: usize,
+    ) {
         let clip = Self::clip_toe(to, frame, side);
-        self.toe.offset += Self::clip_toe(from, frame, side) - clip;
+        let mut toe = Self::clip_toe(from, frame, side) + self.toe.offset;
+        let mut shown = from_angle_axis(self.turn.offset) * from.rotation() * frame.foot_rotation[side];
+        if self.held.is_none() {
+            let (before, now) = ways;
+            let way = before.position(Joint::TOES[side]).lerp(now.position(Joint::TOES[side]), share);
+            toe = way.truncate().extend(toe.z);
+            let foot = CHAIN[side][2].index();
+            shown = before.rotations[foot].slerp(now.rotations[foot], share);
+        }
+        self.toe.offset = toe - clip;
         self.last_toe = clip;
-        let shown = from_angle_axis(self.turn.offset) * from.rotation() * frame.foot_rotation[side];
         self.turn.offset = to_angle_axis(shown * (to.rotation() * frame.foot_rotation[side]).inverse());
     }
 
@@ -246,15 +262,31 @@ impl Foot {
         if !slowed {
             return;
         }
-        let mut placed = *pose;
-        for joint in CHAIN[side].map(Joint::index) {
-            placed.place(&slower, joint);
+        let least = floor + TOE_HEIGHT.min(frame.toe[side].z) - 1e-3;
+        let chain = CHAIN[side].map(Joint::index);
+        // `share` of the way from the slowed leg to what it was to be.
+        let at = |share: f32| {
+            let (mut blended, mut placed) = (slower, *pose);
+            for joint in chain {
+                if share > 0.0 {
+                    blended.rotations[joint] = slower.rotations[joint].slerp(posture.rotations[joint], share);
+                }
+                placed.place(&blended, joint);
+            }
+            (blended, placed, placed.position(Joint::TOES[side]))
+        };
+        let mut found = at(0.0);
+        if found.2.z < least {
+            // As slow as it can be without sinking into the floor.
+            let (mut low, mut high) = (0.0, 1.0);
+            for _ in 0..5 {
+                let middle = 0.5 * (low + high);
+                if at(middle).2.z < least { low = middle } else { high = middle }
+            }
+            found = at(high);
         }
-        let toe = placed.position(Joint::TOES[side]);
-        if toe.z < floor + TOE_HEIGHT.min(frame.toe[side].z) - 1e-3 {
-            return;
-        }
-        (*posture, *pose) = (slower, placed);
+        let (blended, placed, toe) = found;
+        (*posture, *pose) = (blended, placed);
         let missing = toe - Vec3::Z * floor - Self::clip_toe(planar, frame, side);
         self.toe.offset = missing.truncate().extend(self.toe.offset.z);
     }

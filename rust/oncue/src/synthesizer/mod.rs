@@ -232,14 +232,16 @@ impl Character {
         }
     }
 
-    /// The same frame once more, the root only `share` of the way from where it was; the feet stay where they are.
+    /// The same frame once more, the root and a foot that swings only `share` of the way from where they were.
     fn hold_back(&mut self, share: f32, before: Planar, last: &Posture, database: &MotionDatabase) {
         let hurried = self.planar;
         self.planar.position = before.position.lerp(hurried.position, share);
         self.planar.yaw = wrap_angle(before.yaw + share * wrap_angle(hurried.yaw - before.yaw));
         self.height.offset.z -= (1.0 - share) * (self.posture.root_position.z - last.root_position.z);
         for side in 0..2 {
-            self.feet[side].stay(&hurried, &self.planar, &database.frames[self.frame], side);
+            let ways = (&self.before, &self.pose);
+            let frame = &database.frames[self.frame];
+            self.feet[side].hold_back((&hurried, &self.planar), share, ways, frame, side);
         }
         self.pose_from(database);
         self.slow_down(last, database);
