@@ -18,7 +18,7 @@ use crate::cue::ActionCue;
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
 use crate::math::rotation::{to_angle_axis, wrap_angle, yaw};
-use crate::motion::skeleton::{ANKLE_HEIGHT, JOINT_OFFSET, LEG_LENGTH};
+use crate::motion::skeleton::{ANKLE_HEIGHT, JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose};
 use crate::progress::Progress;
 use crate::scene::SceneIndex;
@@ -39,6 +39,9 @@ const STEP_SECONDS: f32 = 0.6;
 const STEP_APART: f32 = 0.35;
 /// How high a seated step lifts the foot, metres, and for each metre of its way.
 const STEP_LIFT: (f32, f32) = (0.02, 0.10);
+
+/// A foot whose toes are this far over the floor on the last frame hangs, metres.
+const OFF_THE_FLOOR: f32 = 0.04;
 
 /// Deeper no thigh is pressed into a seat for the sake of where the feet stand, cm.
 const DEEPEST_THIGH: f32 = 2.0;
@@ -180,8 +183,16 @@ impl Seat<'_> {
     fn settle(&self, motion: &Motion, progress: &Progress) -> Result<Settled> {
         let last = motion.len() - 1;
         let seated = FootPlan::of(motion).feet[last];
+        let hang_already = [0, 1].map(|side| {
+            let over = seated[side].toe.z - self.floor - TOE_HEIGHT;
+            self.cue.feet[side].is_none() && !seated[side].planted && over > OFF_THE_FLOOR
+        });
+        let pelvis_moves = self.cue.position - motion.postures[last].root_position;
         let mut feet = [0, 1].map(|side| {
             let foot = &seated[side];
+            if hang_already[side] {
+                return Place { ankle: foot.ankle + pelvis_moves, turn: foot.turn };
+            }
             let turn = Quat::from_rotation_z(yaw(foot.turn));
             let ankle = match self.cue.feet[side] {
                 Some(place) => place + Vec3::Z * ANKLE_HEIGHT,
@@ -216,12 +227,15 @@ impl Seat<'_> {
         };
         let pose = correct(&span, progress)?[0].pose();
         let hangs = [0, 1].map(|side| {
+            if hang_already[side] {
+                return true;
+            }
             let missed = pose.position(LEGS[side][2]).distance(feet[side].ankle) > 0.01;
             let sunk = self.surfaces().is_some_and(|s| s.thigh_depth(&pose, side) > 0.015);
             self.cue.feet[side].is_none() && (missed || sunk)
         });
         for side in 0..2 {
-            if hangs[side] {
+            if hangs[side] && !hang_already[side] {
                 // As near the floor as the thigh on the seat lets it come.
                 let hip = pose.position(LEGS[side][0]);
                 let ahead = self.cue.planar().forward().extend(0.0);
@@ -230,7 +244,7 @@ impl Seat<'_> {
                 feet[side].ankle.z = feet[side].ankle.z.max(self.floor + ANKLE_HEIGHT);
             }
         }
-        Ok(Settled { feet, hangs })
+        Ok(Settled { feet, hangs, hang_already })
     }
 
     /// The feet of every frame; the motion is lengthened where a seated step needs the time.
@@ -272,6 +286,13 @@ impl Seat<'_> {
                 let t = ((frame - begin) as f32 / steps as f32).clamp(0.0, 1.0);
                 let eased = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
                 let foot = &mut plan.feet[frame][side];
+                if settled.hang_already[side] {
+                    let moved = (place.ankle - from.ankle) * eased;
+                    foot.ankle += moved;
+                    foot.toe += moved;
+                    foot.sigma = 0.05;
+                    continue;
+                }
                 let arc = height * 16.0 * t * t * (1.0 - t) * (1.0 - t);
                 foot.ankle = first.ankle.lerp(place.ankle, eased) + Vec3::Z * arc;
                 foot.turn = first.turn.slerp(same_side(first.turn, place.turn), eased);
@@ -391,6 +412,8 @@ impl Seat<'_> {
 struct Settled {
     feet: [Place; 2],
     hangs: [bool; 2],
+    /// They hang in the motion as it is, and move with the pelvis.
+    hang_already: [bool; 2],
 }
 
 struct Place {
