@@ -227,6 +227,32 @@ fn a_turn_on_the_seat_is_fitted() {
     }
 }
 
+/// Feet that hang in the motion are left as they hang: knees apart before the panel of a bar, here a seat 3 cm higher than
+/// the clip's and the pelvis 2 cm aside.
+#[test]
+fn knees_apart_stay_apart() {
+    let height = 0.67;
+    let (positions, triangles) = boxes(&[
+        ([-3.0, -3.0, -0.1], [3.0, 3.0, 0.0]),
+        ([-0.11, -0.06, height - 0.03], [0.11, 0.16, height]),
+        ([-1.0, -0.9, 0.0], [1.0, -0.415, 0.9]),
+    ]);
+    let scene =
+        SceneIndex::build(&positions, &triangles, &Default::default(), &Progress::new()).expect("a scene");
+    let wanted = |n: &str| n.starts_with("sit 64 cm") && n.contains("knees apart, turn 0");
+    let (motion, complete) = carried(segment_of(wanted, ActionLabel::Sit, 170), Vec2::new(0.02, 0.01), 0.04);
+    let fitted = fit(&motion, complete, &sit_cue(height, [None; 2]), &scene).expect("a fit");
+    let s = &fitted.seat;
+    assert!(s.hanging == [true; 2] && s.pelvis_cm < 0.5 && s.facing_degrees < 1.0, "{s:?}");
+    for posture in &fitted.motion.postures[complete..] {
+        let counts = scene.seated_intersections(&posture.pose(), 0.05, height);
+        assert_eq!(counts.iter().sum::<u32>(), 0, "{counts:?}");
+    }
+    // On a chair that low they would be in the floor: there they stand.
+    let low = fit(&motion, complete, &sit_cue(0.38, [None; 2]), &seat_scene(0.38, 0.45)).expect("a fit");
+    assert_eq!(low.seat.hanging, [false; 2], "{:?}", low.seat);
+}
+
 #[test]
 fn feet_step_to_their_cues_and_do_not_slide() {
     let scene = seat_scene(0.45, 0.45);

@@ -183,11 +183,11 @@ impl Seat<'_> {
     fn settle(&self, motion: &Motion, progress: &Progress) -> Result<Settled> {
         let last = motion.len() - 1;
         let seated = FootPlan::of(motion).feet[last];
+        let pelvis_moves = self.cue.position - motion.postures[last].root_position;
         let hang_already = [0, 1].map(|side| {
-            let over = seated[side].toe.z - self.floor - TOE_HEIGHT;
+            let over = seated[side].toe.z + pelvis_moves.z - self.floor - TOE_HEIGHT;
             self.cue.feet[side].is_none() && !seated[side].planted && over > OFF_THE_FLOOR
         });
-        let pelvis_moves = self.cue.position - motion.postures[last].root_position;
         let mut feet = [0, 1].map(|side| {
             let foot = &seated[side];
             if hang_already[side] {
