@@ -100,6 +100,7 @@ def synthesize(scene, library, task, settings, seed, policy=None) -> Row:
         "parts": report["penetration"]["parts_percent"],
         "path_ratio": report["path_m"] / max(report["shortest_path_m"], 0.5),
         "joint_ratio": report["speed"]["joint_ratio"],
+        "faster_turns": report["speed"]["faster_percent"],
         "walking": report["speed"]["walking"],
         "motion_seconds": report["frames"] / 30,
     }

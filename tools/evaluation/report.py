@@ -108,7 +108,7 @@ def _tasks_table(rows: list[Row]) -> str:
 
 def sequences_section(rows: list[Row], libraries: dict[str, Any], out: Path) -> str:
     lines = [
-        (f"*{name}* (paper)", "", contact, "", pen, "", "", "", "") for name, (contact, pen) in PAPER_BASELINES.items()
+        (f"*{name}* (paper)", "", contact, "", pen, "", "", "", "", "") for name, (contact, pen) in PAPER_BASELINES.items()
     ]
     bars = dict(PAPER_BASELINES)
     for library, group in by(rows, "library").items():
@@ -116,6 +116,7 @@ def sequences_section(rows: list[Row], libraries: dict[str, Any], out: Path) -> 
         met = sum(row["success"] for row in played)
         figures = [mean(played, name) for name in ("contact_cm", "skate_cm", "penetration", "whole_body")]
         figures += [mean(played, "path_ratio"), max(row["joint_ratio"] for row in played)]
+        figures.append(mean(played, "faster_turns"))
         own = libraries[library].foot_figures()
         share = f"{met} of {len(played)} ({100 * met / max(len(played), 1):.0f} %)"
         lines.append((f"Oncue, {library}", share, *figures, f"{own['skate_cm']:.2f} / {own['contact_cm']:.2f}"))
@@ -128,7 +129,8 @@ def sequences_section(rows: list[Row], libraries: dict[str, Any], out: Path) -> 
         axes.invert_yaxis()
     _save(figure, out / "evaluation-sequences.png")
     header = ("method", "met", "contact cm", "skate cm/frame", "penetration %", "whole body %", "path / shortest")
-    header += ("fastest joint / library's 99.9 %", "the library's own skate / contact")
+    header += ("fastest joint / library's 99.9 %", "turns faster than that % (library 0.1)")
+    header += ("the library's own skate / contact",)
     failures = [(r["library"], r["room"], r["cue"], r["problem"]) for r in rows if not r["success"]]
     return "\n\n".join(
         [
