@@ -107,7 +107,12 @@ fn walks_and_sits(seed: u64) {
     // 0.45 rad a frame is 13 rad/s, a brisk knee; a pop shows as a change of speed of that order.
     assert!(speed < 0.45 && change < 0.30, "{speed} {change}");
     assert!(report.path_m < 1.5 * report.shortest_path_m);
-    assert!(report.speed.joint_ratio < 1.25, "seed {seed}: {:?}", report.speed);
+    // A thousandth of the library's own turns are faster than what is a ratio of 1.
+    assert!(
+        report.speed.joint_ratio < 1.2 && report.speed.faster_percent < 0.1,
+        "seed {seed}: {:?}",
+        report.speed
+    );
 }
 
 #[test]
