@@ -107,9 +107,7 @@ def _tasks_table(rows: list[Row]) -> str:
 
 
 def sequences_section(rows: list[Row], libraries: dict[str, Any], out: Path) -> str:
-    lines = [
-        (f"*{name}* (paper)", "", contact, "", pen, "", "", "", "", "") for name, (contact, pen) in PAPER_BASELINES.items()
-    ]
+    lines = [(f"*{name}* (paper)", "", contact, "", pen, *[""] * 5) for name, (contact, pen) in PAPER_BASELINES.items()]
     bars = dict(PAPER_BASELINES)
     for library, group in by(rows, "library").items():
         played = reachable(group)
