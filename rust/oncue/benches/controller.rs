@@ -72,13 +72,10 @@ fn main() {
 /// One update of [`TUPLES`] from scratch with a preset's networks and epochs: rolled out, then learnt, here and in
 /// PyTorch. The states are those of the environment's own preset.
 fn update(environment: &Environment, preset: &str) {
-    let settings = Settings::preset(preset).expect("a preset");
-    let policy = &Policy::new(
-        environment.state_size(),
-        &Settings { ppo: settings.ppo.clone(), ..environment.settings.clone() },
-        &mut Pcg64::seed_from_u64(1),
-    );
-    let (settings, epochs) = (settings.ppo.clone(), settings.ppo.epochs);
+    let settings = Settings::preset(preset).expect("a preset").ppo;
+    let epochs = settings.epochs;
+    let networks = Settings { ppo: settings.clone(), ..environment.settings.clone() };
+    let policy = &Policy::new(environment.state_size(), &networks, &mut Pcg64::seed_from_u64(1));
     let environments = std::slice::from_ref(environment);
     let mut rollout = Rollout::new(environments, 1);
     let lap = Instant::now();

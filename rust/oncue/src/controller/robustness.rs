@@ -25,7 +25,7 @@ pub struct RobustnessSettings {
     pub trials: usize,
     /// A start counts when so many of them meet the cue (the paper: 2).
     pub needed: usize,
-    /// Gaussian of the actions round the policy's mean, 1: as it was optimized.
+    /// Spread of the actions round the policy's mean, 1: as it was optimized.
     pub spread: f32,
 }
 
