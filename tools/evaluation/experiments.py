@@ -101,6 +101,8 @@ def synthesize(scene, library, task, settings, seed, policy=None) -> Row:
         "path_ratio": report["path_m"] / max(report["shortest_path_m"], 0.5),
         "joint_ratio": report["speed"]["joint_ratio"],
         "faster_turns": report["speed"]["faster_percent"],
+        "acceleration_ratio": report["speed"]["acceleration_ratio"],
+        "harder_percent": report["speed"]["harder_percent"],
         "walking": report["speed"]["walking"],
         "motion_seconds": report["frames"] / 30,
     }

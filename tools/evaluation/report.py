@@ -99,15 +99,15 @@ def tasks_section(rows: list[Row], out: Path) -> str:
 
 def _tasks_table(rows: list[Row]) -> str:
     header = ("library", "room", "task", "s", "updates", "pelvis cm", "facing °", "contact cm", "skate cm", "pen. %")
-    header += ("body %", "path ratio", "joint ratio")
+    header += ("body %", "path ratio", "joint ratio", "acc. ratio")
     names = ("seconds", "updates", "pelvis_cm", "facing_degrees", "contact_cm", "skate_cm", "penetration")
-    names += ("whole_body", "path_ratio", "joint_ratio")
+    names += ("whole_body", "path_ratio", "joint_ratio", "acceleration_ratio")
     shown = [(row["library"], row["room"], row["task"], *(row[name] for name in names)) for row in reachable(rows)]
     return "<details><summary>Each task</summary>\n\n" + table(header, shown) + "\n\n</details>"
 
 
 def sequences_section(rows: list[Row], libraries: dict[str, Any], out: Path) -> str:
-    lines = [(f"*{name}* (paper)", "", contact, "", pen, *[""] * 5) for name, (contact, pen) in PAPER_BASELINES.items()]
+    lines = [(f"*{name}* (paper)", "", contact, "", pen, *[""] * 6) for name, (contact, pen) in PAPER_BASELINES.items()]
     bars = dict(PAPER_BASELINES)
     for library, group in by(rows, "library").items():
         played = reachable(group)
@@ -115,9 +115,12 @@ def sequences_section(rows: list[Row], libraries: dict[str, Any], out: Path) -> 
         figures = [mean(played, name) for name in ("contact_cm", "skate_cm", "penetration", "whole_body")]
         figures += [mean(played, "path_ratio"), max(row["joint_ratio"] for row in played)]
         figures.append(mean(played, "faster_turns"))
+        harder = [row["acceleration_ratio"] for row in played]
+        acceleration = f"{mean(played, 'harder_percent'):.2f} ({statistics.median(harder):.1f}, {max(harder):.1f})"
         own = libraries[library].foot_figures()
         share = f"{met} of {len(played)} ({100 * met / max(len(played), 1):.0f} %)"
-        lines.append((f"Oncue, {library}", share, *figures, f"{own['skate_cm']:.2f} / {own['contact_cm']:.2f}"))
+        figures += [acceleration, f"{own['skate_cm']:.2f} / {own['contact_cm']:.2f}"]
+        lines.append((f"Oncue, {library}", share, *figures))
         bars[f"Oncue, {library}"] = (figures[0], figures[2])
     figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3), layout="constrained")
     for axes, column, label in ((left, 0, "contact, cm"), (right, 1, "penetration, % of frames")):
@@ -128,6 +131,7 @@ def sequences_section(rows: list[Row], libraries: dict[str, Any], out: Path) -> 
     _save(figure, out / "evaluation-sequences.png")
     header = ("method", "met", "contact cm", "skate cm/frame", "penetration %", "whole body %", "path / shortest")
     header += ("fastest joint / library's 99.9 %", "turns faster than that % (library 0.1)")
+    header += ("accelerations over the library's 99.9 %, % (largest ratio: median, worst)",)
     header += ("the library's own skate / contact",)
     failures = [(r["library"], r["room"], r["cue"], r["problem"]) for r in rows if not r["success"]]
     return "\n\n".join(

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::cue::{ActionCue, ActionType};
@@ -94,10 +95,12 @@ pub fn foot_figures(motion: &Motion, floor: f32) -> FootFigures {
     let toe = |frame: usize, side: usize| poses[frame].position(Joint::TOES[side]);
     let step =
         |frame: usize, side: usize| toe(frame, side).truncate().distance(toe(frame - 1, side).truncate());
-    let mut figures =
-        FootFigures { contact_cm: 100.0 * paper_contact(count, &toe, &step), ..Default::default() };
+    let mut figures = FootFigures::default();
+    let mut contact = ContactError::default();
     let (mut planted, mut low) = (Mean::default(), Mean::default());
     for frame in 1..count {
+        let toes = |frame: usize| [0, 1].map(|side| toe(frame, side).truncate());
+        contact.add(toes(frame - 1), toes(frame));
         for side in 0..2 {
             let cm = 100.0 * step(frame, side);
             if motion.contacts[frame][side] >= 1.0 && motion.contacts[frame - 1][side] >= 1.0 {
@@ -115,6 +118,7 @@ pub fn foot_figures(motion: &Motion, floor: f32) -> FootFigures {
             figures.sink_cm = figures.sink_cm.max(-100.0 * toe);
         }
     }
+    figures.contact_cm = 100.0 * contact.mean();
     figures.skate_cm = planted.get();
     figures.low_skate_cm = low.get();
     figures
@@ -148,32 +152,45 @@ impl MotionLibrary {
     }
 }
 
-/// See [`FootFigures::contact_cm`]; metres.
-fn paper_contact(
+/// The paper's "foot contact" of a motion, frame by frame; see [`FootFigures::contact_cm`].
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ContactError {
+    windows: [Window; 2],
+    sum: f64,
     count: usize,
-    toe: &impl Fn(usize, usize) -> glam::Vec3,
-    step: &impl Fn(usize, usize) -> f32,
-) -> f32 {
-    let mut mean = Mean::default();
-    for side in 0..2 {
-        let touching = |frame: usize| {
-            let (own, other) = (step(frame, side), step(frame, 1 - side));
-            own < 0.02 || own < other
-        };
-        let mut window: Option<usize> = None;
-        for frame in 1..count {
-            match (window, touching(frame)) {
-                (None, true) => window = Some(frame),
-                (Some(first), false) => {
-                    let origin = toe(first, side).truncate();
-                    (first..frame).for_each(|f| mean.add(toe(f, side).truncate().distance(origin)));
-                    window = None;
-                }
-                _ => {}
+}
+
+/// The frames in which a foot is in contact: where they began, and the distances from there, summed.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+struct Window {
+    origin: Option<Vec2>,
+    sum: f32,
+    count: usize,
+}
+
+impl ContactError {
+    /// One frame on: the toes on the floor plane, in the frame before and now, metres.
+    pub fn add(&mut self, before: [Vec2; 2], now: [Vec2; 2]) {
+        let step = [0, 1].map(|side| before[side].distance(now[side]));
+        for side in 0..2 {
+            let touches = step[side] < 0.02 || step[side] < step[1 - side];
+            let window = &mut self.windows[side];
+            if touches {
+                let origin = *window.origin.get_or_insert(now[side]);
+                window.sum += now[side].distance(origin);
+                window.count += 1;
+            } else {
+                self.sum += f64::from(window.sum);
+                self.count += window.count;
+                *window = Window::default();
             }
         }
     }
-    mean.get()
+
+    /// Mean over the windows that ended again, metres.
+    pub fn mean(&self) -> f32 {
+        if self.count == 0 { 0.0 } else { (self.sum / self.count as f64) as f32 }
+    }
 }
 
 /// How fast a motion is, beside the library that it was made from.
@@ -187,6 +204,12 @@ pub struct SpeedFigures {
     pub fastest_degrees: f32,
     /// Turns that are faster than that percentile, % of the turns of all joints; 0.1 of the library's own are.
     pub faster_percent: f32,
+    /// The same for the joints' accelerations in the world, in which a transition that can be seen shows: the largest over
+    /// the 99.9th percentile of that joint's in the library, the joint, its m/s², and the share above that percentile, %.
+    pub acceleration_ratio: f32,
+    pub hardest_joint: Option<Joint>,
+    pub hardest_acceleration: f32,
+    pub harder_percent: f32,
     /// Mean planar speed while walking (over 0.3 m/s), m/s, and the fastest.
     pub walking: f32,
     pub fastest: f32,
@@ -201,14 +224,42 @@ pub fn joint_turns(pairs: impl Iterator<Item = (Posture, Posture)>, part: f64) -
             turns.push(angle_between(before.rotations[joint], after.rotations[joint]));
         }
     }
-    turns.map(|mut turns| {
-        let at = ((turns.len() as f64 * part) as usize).min(turns.len().saturating_sub(1));
-        if turns.is_empty() { 0.0 } else { *turns.select_nth_unstable_by(at, f32::total_cmp).1 }
-    })
+    turns.map(|mut turns| percentile(&mut turns, part))
 }
 
-/// Speed figures of a motion; `library`: [`joint_turns`] of the library at 99.9 %.
-pub fn speed_figures(motion: &Motion, library: &[f32; JOINT_COUNT]) -> SpeedFigures {
+/// How hard each joint is accelerated between three frames, world, m/s².
+pub fn accelerations(positions: [&[Vec3; JOINT_COUNT]; 3]) -> [f32; JOINT_COUNT] {
+    let [a, b, c] = positions;
+    std::array::from_fn(|j| FRAME_RATE * FRAME_RATE * (a[j] + c[j] - 2.0 * b[j]).length())
+}
+
+/// Percentile of each joint's acceleration over `motions`, m/s². `part` in 0..=1; motions of fewer than three frames
+/// count for nothing.
+pub fn joint_accelerations<'a>(motions: impl Iterator<Item = &'a Motion>, part: f64) -> [f32; JOINT_COUNT] {
+    let mut all: [Vec<f32>; JOINT_COUNT] = Default::default();
+    for motion in motions {
+        let poses: Vec<Pose> = motion.postures.iter().map(Posture::pose).collect();
+        for w in poses.windows(3) {
+            let hard = accelerations([&w[0].positions, &w[1].positions, &w[2].positions]);
+            all.iter_mut().zip(hard).for_each(|(all, a)| all.push(a));
+        }
+    }
+    all.map(|mut values| percentile(&mut values, part))
+}
+
+/// The value that `part` (0..=1) of the others do not exceed; 0 of nothing.
+fn percentile(values: &mut [f32], part: f64) -> f32 {
+    let at = ((values.len() as f64 * part) as usize).min(values.len().saturating_sub(1));
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f32::total_cmp).1 }
+}
+
+/// Speed figures of a motion; `library` and `library_accelerations`: [`joint_turns`] and [`joint_accelerations`] of the
+/// library at 99.9 %.
+pub fn speed_figures(
+    motion: &Motion,
+    library: &[f32; JOINT_COUNT],
+    library_accelerations: &[f32; JOINT_COUNT],
+) -> SpeedFigures {
     let postures = &motion.postures;
     let mut figures = SpeedFigures::default();
     let most = joint_turns(postures.iter().copied().zip(postures.iter().skip(1).copied()), 1.0);
@@ -235,7 +286,29 @@ pub fn speed_figures(motion: &Motion, library: &[f32; JOINT_COUNT]) -> SpeedFigu
     figures.walking = walking.get();
     let turns = JOINT_COUNT * postures.len().saturating_sub(1);
     figures.faster_percent = 100.0 * faster as f32 / turns.max(1) as f32;
+    figures.accelerate(motion, library_accelerations);
     figures
+}
+
+impl SpeedFigures {
+    fn accelerate(&mut self, motion: &Motion, library: &[f32; JOINT_COUNT]) {
+        let poses: Vec<Pose> = motion.postures.iter().map(Posture::pose).collect();
+        let (mut harder, mut count) = (0usize, 0usize);
+        for w in poses.windows(3) {
+            let hard = accelerations([&w[0].positions, &w[1].positions, &w[2].positions]);
+            for (joint, (hard, usual)) in Joint::ALL.into_iter().zip(hard.into_iter().zip(library)) {
+                let ratio = hard / usual.max(1e-2);
+                count += 1;
+                harder += usize::from(ratio > 1.0);
+                if ratio > self.acceleration_ratio {
+                    self.acceleration_ratio = ratio;
+                    self.hardest_joint = Some(joint);
+                    self.hardest_acceleration = hard;
+                }
+            }
+        }
+        self.harder_percent = 100.0 * harder as f32 / count.max(1) as f32;
+    }
 }
 
 #[derive(Default)]
@@ -305,7 +378,6 @@ pub fn penetration_figures(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::Vec3;
 
     fn sliding(step: f32, frames: usize) -> Motion {
         let mut motion = Motion::default();
@@ -348,11 +420,25 @@ mod tests {
         }
         let turns = joint_turns(motion.postures.windows(2).map(|w| (w[0], w[1])), 1.0);
         assert!((turns[Joint::LeftLeg.index()] - 0.1).abs() < 1e-5 && turns[0] < 1e-5);
-        let figures = speed_figures(&motion, &[0.05; JOINT_COUNT]);
+        let figures = speed_figures(&motion, &[0.05; JOINT_COUNT], &[9.0; JOINT_COUNT]);
         assert!((figures.joint_ratio - 2.0).abs() < 1e-3 && figures.fastest_joint == Some(Joint::LeftLeg));
         let faster = 100.0 / (JOINT_COUNT * (motion.len() - 1)) as f32;
         assert!((figures.faster_percent - faster).abs() < 1e-5, "{}", figures.faster_percent);
         assert!((figures.walking - 0.6).abs() < 1e-3 && (figures.fastest - 0.6).abs() < 1e-3);
+    }
+
+    #[test]
+    fn accelerations_by_hand() {
+        // At rest, then 2 cm a frame: in one frame of three 0.02 m · (30 Hz)² = 18 m/s².
+        let mut motion = sliding(0.02, 4);
+        motion.postures.insert(0, motion.postures[0]);
+        motion.contacts.push([1.0; 2]);
+        let most = joint_accelerations([&motion].into_iter(), 1.0);
+        assert!(most.iter().all(|a| (a - 18.0).abs() < 0.01), "{most:?}");
+        let figures = speed_figures(&motion, &[1.0; JOINT_COUNT], &[9.0; JOINT_COUNT]);
+        assert!((figures.acceleration_ratio - 2.0).abs() < 1e-3);
+        assert!((figures.hardest_acceleration - 18.0).abs() < 0.01 && figures.hardest_joint.is_some());
+        assert!((figures.harder_percent - 100.0 / 3.0).abs() < 1e-3);
     }
 
     #[test]

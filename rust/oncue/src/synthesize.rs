@@ -108,7 +108,7 @@ pub fn synthesize_along(
         cues,
         foot,
         penetration,
-        speed: speed_figures(&motion, &database.turns.usual),
+        speed: speed_figures(&motion, &database.turns.usual, &database.accelerations),
         edited,
         frames: motion.len(),
         path_m: kept.tally.travelled,

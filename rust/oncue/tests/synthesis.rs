@@ -107,12 +107,10 @@ fn walks_and_sits(seed: u64) {
     // 0.45 rad a frame is 13 rad/s, a brisk knee; a pop shows as a change of speed of that order.
     assert!(speed < 0.45 && change < 0.30, "{speed} {change}");
     assert!(report.path_m < 1.5 * report.shortest_path_m);
-    // A thousandth of the library's own turns are faster than what is a ratio of 1.
-    assert!(
-        report.speed.joint_ratio < 1.2 && report.speed.faster_percent < 0.1,
-        "seed {seed}: {:?}",
-        report.speed
-    );
+    // No turn is faster than all but a thousandth of the library's own, and hardly an acceleration harder by much.
+    let speed = &report.speed;
+    assert!(speed.joint_ratio < 1.001 && speed.faster_percent == 0.0, "seed {seed}: {speed:?}");
+    assert!(speed.acceleration_ratio < 2.5 && speed.harder_percent < 2.0, "seed {seed}: {speed:?}");
 }
 
 #[test]
@@ -230,14 +228,17 @@ fn the_figures_that_choose_are_the_figures_that_are_reported() {
     for seed in 1..=3 {
         let kept = keep_motion(&environment, &prior.policy, seed, &Progress::new()).expect("a motion");
         assert_eq!(kept.end, EpisodeEnd::Complete);
-        assert_eq!(kept.motion.len(), kept.tally.frames + 1);
+        // Where a joint would hurry, the motion that is kept takes some frames more than the rollout.
+        let added = kept.motion.len() - 1 - kept.tally.frames;
+        assert!(added < 30, "{added}");
         let hold = (settings.synthesizer.hold_seconds * 30.0) as usize;
-        assert_eq!(kept.complete + hold, kept.tally.frames);
+        assert_eq!(kept.complete + hold + 1, kept.motion.len());
         let seat = kept.action_from.zip(task.cue.seat_height());
         let ignore = settings.reward.ignore_below;
         let reported = penetration_figures(&kept.motion, &scene, 0.0, ignore, seat);
         let touching = reported.whole_body_percent / 100.0 * kept.motion.len() as f32;
         // The standing frame at the start, and the one on which the sit is entered, may count on one side only.
-        assert!((touching - kept.tally.touching as f32).abs() < 2.5, "{touching} {:?}", kept.tally);
+        let slack = 2.5 + added as f32;
+        assert!((touching - kept.tally.touching as f32).abs() < slack, "{touching} {:?}", kept.tally);
     }
 }

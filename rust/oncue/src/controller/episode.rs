@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 use rand::{Rng, RngExt};
 
 use super::policy::{Draw, TYPE_COUNT};
@@ -16,7 +16,8 @@ use crate::library::database::MotionDatabase;
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
-use crate::motion::{FRAME_RATE, Motion, Posture};
+use crate::metrics::{ContactError, accelerations};
+use crate::motion::{FRAME_RATE, JOINT_COUNT, Joint, Motion, Pose, Posture};
 use crate::scene::{ClearPath, SceneIndex};
 use crate::settings::Settings;
 use crate::synthesizer::{Character, PostureOffset};
@@ -64,8 +65,15 @@ pub struct Tally {
     pub transition: f32,
     pub worst_transition: f32,
     pub transitions: usize,
-    /// The fastest turn of a leg's joint, see [`Character::leg_speed`].
-    pub leg_speed: f32,
+    /// Frames that the motion lacks where a leg hurries, see [`Character::leg_speed`], and the most of one frame.
+    pub hurry: f32,
+    pub worst_hurry: f32,
+    /// How much harder a joint is accelerated than the library's own (its 99.9th percentile), as a part of that: summed over
+    /// the frames, and the most.
+    pub jolt: f32,
+    pub worst_jolt: f32,
+    /// How far feet creep that seem to stand (LAMA, section 4.1).
+    pub contact: ContactError,
     /// Metres the root travelled.
     pub travelled: f32,
     /// Squared radians of posture offset, summed.
@@ -280,6 +288,7 @@ impl<'a> Environment<'a> {
         let settings = self.settings;
         episode.before = episode.character.posture;
         let root_before = episode.character.planar.position;
+        let earlier = episode.character.before.positions;
         episode.character.advance(self.database, offset);
         let character = &episode.character;
         let floor = character.floor;
@@ -297,7 +306,13 @@ impl<'a> Environment<'a> {
         tally.frames += 1;
         tally.travelled += step;
         tally.offset += character.offset_distance;
-        tally.leg_speed = tally.leg_speed.max(character.leg_speed);
+        tally.hurry += character.leg_speed - 1.0;
+        tally.worst_hurry = tally.worst_hurry.max(character.leg_speed - 1.0);
+        let jolt = self.jolt([&earlier, &character.before.positions, &character.pose.positions]);
+        tally.jolt += jolt;
+        tally.worst_jolt = tally.worst_jolt.max(jolt);
+        let toes = |pose: &Pose| Joint::TOES.map(|toe| pose.position(toe).truncate());
+        tally.contact.add(toes(&character.before), toes(&character.pose));
         let (legs, arms): (u32, u32) = (counts[..4].iter().sum(), counts[4..8].iter().sum());
         tally.penetrating += usize::from(legs >= 10 || arms >= 7);
         tally.touching += usize::from(counts.iter().any(|c| *c > 0));
@@ -339,6 +354,13 @@ impl<'a> Environment<'a> {
             }
         }
         (frame >= termination.longest).then_some(EpisodeEnd::TooLong)
+    }
+
+    /// See [`Tally::jolt`].
+    fn jolt(&self, positions: [&[Vec3; JOINT_COUNT]; 3]) -> f32 {
+        let hard = accelerations(positions);
+        let usual = self.database.accelerations;
+        hard.iter().zip(usual).map(|(hard, usual)| hard / usual.max(1e-2) - 1.0).fold(0.0, f32::max)
     }
 
     /// Plays on for as long as a motion is held after its action is complete.

@@ -15,6 +15,7 @@ use crate::math::Planar;
 use crate::motion::{FRAME_RATE, Motion};
 use crate::nn::Activations;
 use crate::progress::Progress;
+use crate::synthesizer::unhurried;
 
 /// How much of the last decision's a^offset stays where the way is narrowest: arms that are past something stay so.
 const HOLD: f32 = 0.8;
@@ -91,10 +92,13 @@ pub fn keep_motion(
     }
     let best = best.into_iter().next().ok_or(crate::error::Error::Cancelled)?;
     let (episode, complete) = record(environment, &best);
+    let motion = episode.record.unwrap_or_default();
+    let paced = unhurried(&motion, &environment.database.turns);
+    let frame_of = |frame: usize| paced.as_ref().map_or(frame, |p| p.frame_of(frame));
     Ok(KeptMotion {
-        action_from: episode.action_from,
-        motion: episode.record.unwrap_or_default(),
-        complete,
+        action_from: episode.action_from.map(frame_of),
+        complete: frame_of(complete),
+        motion: paced.map_or(motion, |p| p.motion),
         end: best.end,
         tally: best.tally,
         cost: best.cost,
@@ -240,7 +244,11 @@ fn cost(environment: &Environment, end: EpisodeEnd, episode: &Episode) -> f32 {
         + 0.01 * tally.crossings as f32
         + 1.5 * tally.worst_transition
         + 0.15 * tally.transition
-        + 4.0 * (tally.leg_speed - 1.0).max(0.0)
+        + 2.0 * tally.worst_hurry
+        + 0.3 * tally.hurry
+        + 1.0 * tally.worst_jolt
+        + 0.05 * tally.jolt
+        + 60.0 * tally.contact.mean()
         + 0.8 * (tally.travelled - shortest).max(0.0)
         + 0.25 * seconds
         + 0.02 * tally.offset / FRAME_RATE

@@ -13,7 +13,7 @@ use crate::cue::ActionType;
 use crate::error::{Error, Result};
 use crate::math::Planar;
 use crate::math::rotation::{angle_between, from_angle_axis, to_angle_axis};
-use crate::metrics::joint_turns;
+use crate::metrics::{joint_accelerations, joint_turns};
 use crate::motion::{FootContact, JOINT_COUNT, Joint, Posture};
 use crate::progress::Progress;
 
@@ -43,7 +43,23 @@ pub struct DatabaseFrame {
     pub until_seated: u16,
     /// Frames that follow in the clip before its end.
     pub remaining: u16,
+    /// How readily this frame takes a part of what the action must be turned and shifted by to end at its cue: most
+    /// while a foot swings, so that no planted foot is dragged along. From frame to frame it changes slowly.
+    pub gives_way: GivesWay,
 }
+
+/// See [`DatabaseFrame::gives_way`].
+#[derive(Debug, Clone, Copy, Default)]
+pub struct GivesWay {
+    pub turn: f32,
+    /// Who sits, and turns on the seat, does not glide along it.
+    pub shift: f32,
+}
+
+/// What even a frame with both feet planted takes: the pelvis can move a little over standing feet.
+const PLANTED: f32 = 0.06;
+/// Frames to either side over which that is spread, so that the pelvis is not pushed from one frame to the next.
+const SPREAD: usize = 5;
 
 /// The search index of one action type.
 #[derive(Debug, Clone, Default)]
@@ -114,6 +130,8 @@ pub struct MotionDatabase {
     indices: [ActionIndex; 3],
     /// How fast the joints turn in all that is matched.
     pub turns: TurnLimits,
+    /// 99.9th percentile of each joint's acceleration in the library, m/s².
+    pub accelerations: [f32; JOINT_COUNT],
     /// Frames of standing still, at which a motion may begin.
     pub idle_frames: Vec<u32>,
 }
@@ -153,6 +171,7 @@ impl MotionDatabase {
         // Both are carried to the origin: the way from one to the other is put back, or the hips would never turn round.
         let pairs = matched.map(|(a, b)| (a.posture, b.posture.moved(Planar::default(), a.step)));
         let turns = TurnLimits::new(joint_turns(pairs, 0.999));
+        let accelerations = joint_accelerations(library.clips.iter().map(|clip| &clip.motion), 0.999);
         let mut database = Self {
             library_checksum: library.checksum(),
             frames,
@@ -160,6 +179,7 @@ impl MotionDatabase {
             weights: weights.clone(),
             indices: Default::default(),
             turns,
+            accelerations,
             idle_frames,
         };
         if database.idle_frames.is_empty() {
@@ -296,6 +316,7 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
             until_complete: if completes { complete.saturating_sub(i) as u16 } else { 0 },
             until_seated: if completes { seated.saturating_sub(i) as u16 } else { 0 },
             remaining: (count - 1 - i).min(usize::from(u16::MAX)) as u16,
+            gives_way: GivesWay::default(),
         });
         features.push(pose_feature(&poses[i], &poses[i.saturating_sub(1)], frames[i].contact));
     }
@@ -304,5 +325,25 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
         let velocity = features[1][super::feature::VELOCITY..super::feature::UP].to_vec();
         features[0][super::feature::VELOCITY..super::feature::UP].copy_from_slice(&velocity);
     }
+    let swing: Vec<f32> =
+        frames.iter().map(|f| PLANTED + f.contact.iter().map(|c| 1.0 - c).sum::<f32>().min(1.0)).collect();
+    let stands: Vec<f32> =
+        frames.iter().zip(&swing).map(|(f, s)| if f.until_seated > 0 { *s } else { 0.0 }).collect();
+    for (frame, (turn, shift)) in frames.iter_mut().zip(spread(&swing).into_iter().zip(spread(&stands))) {
+        frame.gives_way = GivesWay { turn, shift };
+    }
     (frames, features)
+}
+
+/// The values averaged over [`SPREAD`] frames to either side, with the weights of a raised cosine.
+fn spread(values: &[f32]) -> Vec<f32> {
+    let width = SPREAD as f32 + 1.0;
+    let weight = |d: usize| 1.0 + (std::f32::consts::PI * d as f32 / width).cos();
+    (0..values.len())
+        .map(|i| {
+            let around = i.saturating_sub(SPREAD)..(i + SPREAD + 1).min(values.len());
+            let weights = around.clone().map(|f| weight(f.abs_diff(i)));
+            around.zip(weights.clone()).map(|(f, w)| w * values[f]).sum::<f32>() / weights.sum::<f32>()
+        })
+        .collect()
 }

@@ -6,7 +6,7 @@
 use glam::Vec2;
 
 use crate::cue::{ActionCue, ActionType};
-use crate::library::database::{DatabaseFrame, MotionDatabase};
+use crate::library::database::{DatabaseFrame, GivesWay, MotionDatabase};
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
 
@@ -14,9 +14,8 @@ use crate::math::rotation::wrap_angle;
 const LARGEST_STEP: f32 = 0.022;
 const LARGEST_TURN: f32 = 0.05;
 const LARGEST_LIFT: f32 = 0.012;
-/// Share of a frame's correction that even a frame with both feet planted takes: the pelvis can
-/// shift a little over standing feet.
-const PLANTED: f32 = 0.06;
+/// Frames in which it sets in.
+const SETS_IN: f32 = 8.0;
 
 #[derive(Debug, Clone)]
 pub(super) struct Alignment {
@@ -24,6 +23,8 @@ pub(super) struct Alignment {
     /// World height of the pelvis at the end; `None` for a stop.
     height: Option<f32>,
     lift: f32,
+    /// Frames since it began.
+    age: f32,
 }
 
 impl Alignment {
@@ -32,6 +33,7 @@ impl Alignment {
             target: cue.planar(),
             height: (cue.action_type == ActionType::Sit).then_some(cue.position.z),
             lift: 0.0,
+            age: 0.0,
         }
     }
 
@@ -47,20 +49,21 @@ impl Alignment {
             return;
         }
         let coming = &database.frames[frame..=frame + ahead];
-        let swing = |f: &DatabaseFrame| PLANTED + f.contact.iter().map(|c| 1.0 - c).sum::<f32>().min(1.0);
-        let share_of = |weight: &dyn Fn(&DatabaseFrame) -> f32| {
-            let all = coming[..ahead].iter().map(weight).sum::<f32>();
-            (all > 1e-3).then(|| weight(&coming[0]) / all)
+        self.age += 1.0;
+        let share_of = |gives: &dyn Fn(&GivesWay) -> f32| {
+            let weight = |(at, frame): (usize, &DatabaseFrame)| {
+                let begun = ((self.age + at as f32) / SETS_IN).min(1.0);
+                gives(&frame.gives_way) * begun * begun * (3.0 - 2.0 * begun)
+            };
+            let all = coming[..ahead].iter().enumerate().map(weight).sum::<f32>();
+            if all > 1e-3 { weight((0, &coming[0])) / all } else { 0.0 }
         };
-        let share = share_of(&swing).unwrap_or(0.0);
 
         let end = planar.compose(database.travel(frame, ahead));
-        let turn = wrap_angle(self.target.yaw - end.yaw) * share;
+        let turn = wrap_angle(self.target.yaw - end.yaw) * share_of(&|g| g.turn);
         planar.yaw = wrap_angle(planar.yaw + turn.clamp(-LARGEST_TURN, LARGEST_TURN));
         let end = planar.compose(database.travel(frame, ahead));
-        // Who sits, and turns on the seat, does not glide along it.
-        let share = share_of(&|f| if f.until_seated > 0 { swing(f) } else { 0.0 }).unwrap_or(share);
-        let missing: Vec2 = (self.target.position - end.position) * share;
+        let missing: Vec2 = (self.target.position - end.position) * share_of(&|g| g.shift);
         planar.position += missing.clamp_length_max(LARGEST_STEP);
 
         if let Some(height) = self.height {

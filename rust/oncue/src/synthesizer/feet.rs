@@ -9,8 +9,8 @@
 use glam::{Quat, Vec2, Vec3};
 
 use super::FRAME_TIME;
-use super::inertia::{Inertia, Spring};
-use crate::library::database::{DatabaseFrame, TurnLimits};
+use super::inertia::Inertia;
+use crate::library::database::DatabaseFrame;
 use crate::math::Planar;
 use crate::math::rotation::{from_angle_axis, to_angle_axis};
 use crate::motion::skeleton::{JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT};
@@ -21,9 +21,12 @@ const STEP_FROM: f32 = 0.16;
 /// How long that step takes, seconds, and how high the foot rises, metres.
 const STEP_TIME: f32 = 0.3;
 const STEP_HEIGHT: f32 = 0.05;
-const HALF_LIFE: f32 = 0.075;
+/// How long what a transition or a stand has left lasts, seconds.
+const SETTLES_IN: f32 = 0.2;
 /// Longest reach of a leg as a share of its full length: the knee keeps some 8° of flexion.
 const REACH: f32 = 0.9975;
+/// Metres from the hip to the ankle, at the most.
+const LONGEST_LEG: f32 = 2.0 * LEG_LENGTH * REACH;
 /// The heel may rise this far to bring the leg within reach, radians.
 const HEEL_RISE: f32 = 0.9;
 
@@ -78,35 +81,11 @@ impl Foot {
         self.toe.offset += Self::clip_toe(planar, old, side) - Self::clip_toe(planar, new, side);
         self.toe.velocity += velocity(old, old_next) - velocity(new, new_next);
         self.toe.limit_velocity();
+        self.toe.settle_in(SETTLES_IN);
         let shown = from_angle_axis(self.turn.offset) * planar.rotation() * old.foot_rotation[side];
-        self.turn.offset = to_angle_axis(shown * (planar.rotation() * new.foot_rotation[side]).inverse());
-        self.turn.velocity = Vec3::ZERO;
+        let turn = to_angle_axis(shown * (planar.rotation() * new.foot_rotation[side]).inverse());
+        self.turn.begin(turn, Vec3::ZERO, SETTLES_IN);
         self.last_toe = Self::clip_toe(planar, new, side);
-    }
-
-    /// The root, which was to be `from` in this frame, is `to` instead. Who stands stays; what swings has come `share` of its
-    /// way between the poses `ways`.
-    pub(super) fn hold_back(
-        &mut self,
-        (from, to): (&Planar, &Planar),
-        share: f32,
-        ways: (&Pose, &Pose),
-        frame: &DatabaseFrame,
-        side: usize,
-    ) {
-        let clip = Self::clip_toe(to, frame, side);
-        let mut toe = Self::clip_toe(from, frame, side) + self.toe.offset;
-        let mut shown = from_angle_axis(self.turn.offset) * from.rotation() * frame.foot_rotation[side];
-        if self.held.is_none() {
-            let (before, now) = ways;
-            let way = before.position(Joint::TOES[side]).lerp(now.position(Joint::TOES[side]), share);
-            toe = way.truncate().extend(toe.z);
-            let foot = CHAIN[side][2].index();
-            shown = before.rotations[foot].slerp(now.rotations[foot], share);
-        }
-        self.toe.offset = toe - clip;
-        self.last_toe = clip;
-        self.turn.offset = to_angle_axis(shown * (to.rotation() * frame.foot_rotation[side]).inverse());
     }
 
     /// Whether the toe is held in place.
@@ -116,7 +95,6 @@ impl Foot {
 
     /// One frame on; `frame` is the frame now shown.
     pub(super) fn step(&mut self, planar: &Planar, frame: &DatabaseFrame, side: usize, other_stands: bool) {
-        let spring = Spring::new(HALF_LIFE);
         let clip = Self::clip_toe(planar, frame, side);
         let dragged = self.dragged.take();
         if let (Some(held), Some(dragged)) = (&mut self.held, dragged) {
@@ -126,33 +104,29 @@ impl Foot {
         let planted = frame.contact[side] >= 1.0 && self.stepping.is_none();
         if let Some(held) = self.held {
             let offset = held - clip.truncate();
-            self.toe.offset = offset.extend(self.toe.offset.z);
             if planted && other_stands && (offset.length() > STEP_FROM || dragged.is_some()) {
                 self.stepping = Some(FRAME_TIME);
             }
-            if planted && self.stepping.is_none() {
-                self.toe.velocity = Vec3::new(0.0, 0.0, self.toe.velocity.z);
-            } else {
+            if !planted || self.stepping.is_some() {
                 // The shown toe stood still: its offset begins by undoing the clip's own velocity.
                 let velocity = -((clip - self.last_toe) * FRAME_RATE).truncate();
-                self.toe.velocity = velocity.extend(self.toe.velocity.z);
+                self.toe.begin(
+                    offset.extend(self.toe.offset.z),
+                    velocity.extend(self.toe.velocity.z),
+                    SETTLES_IN,
+                );
                 self.toe.limit_velocity();
                 self.held = None;
             }
         }
-        if self.held.is_none() {
-            self.toe.step(&spring);
-            if planted && self.stepping.is_none() {
-                self.held = Some(clip.truncate() + self.toe.offset.truncate());
-            }
-        } else {
-            let mut vertical =
-                Inertia { offset: Vec3::Z * self.toe.offset.z, velocity: Vec3::Z * self.toe.velocity.z };
-            vertical.step(&spring);
-            self.toe.offset.z = vertical.offset.z;
-            self.toe.velocity.z = vertical.velocity.z;
+        self.toe.step();
+        if let Some(held) = self.held {
+            self.toe.offset = (held - clip.truncate()).extend(self.toe.offset.z);
+            self.toe.velocity = Vec3::Z * self.toe.velocity.z;
+        } else if planted && self.stepping.is_none() {
+            self.held = Some(clip.truncate() + self.toe.offset.truncate());
         }
-        self.turn.step(&spring);
+        self.turn.step();
         self.last_toe = clip;
     }
 
@@ -175,7 +149,7 @@ impl Foot {
         posture: &mut Posture,
         pose: &mut Pose,
     ) {
-        let [thigh, shin, foot, toe] = CHAIN[side].map(Joint::index);
+        let [thigh, .., toe] = CHAIN[side].map(Joint::index);
         self.dragged = None;
         let mut target = Self::clip_toe(planar, frame, side) + self.toe.offset;
         let lifted =
@@ -185,7 +159,7 @@ impl Foot {
         target.z = target.z.max(TOE_HEIGHT.min(frame.toe[side].z)) + floor;
         let mut rotation = from_angle_axis(self.turn.offset) * planar.rotation() * frame.foot_rotation[side];
         let hip = pose.positions[thigh];
-        let longest = 2.0 * LEG_LENGTH * REACH;
+        let longest = LONGEST_LEG;
         let ankle_of = |rotation: Quat| target - rotation * JOINT_OFFSET[toe];
         let mut ankle = ankle_of(rotation);
         let mut heel = 0.0;
@@ -207,87 +181,40 @@ impl Foot {
                 }
             }
         }
-        let down = (ankle - hip).normalize_or(Vec3::NEG_Z);
-        let distance = ankle.distance(hip).clamp(0.15, longest);
-        // The knee bends in the plane it bent in.
-        let straight = pose.positions[foot] - hip;
-        let knee_before = pose.positions[shin] - hip;
-        let bent = knee_before - straight * (knee_before.dot(straight) / straight.length_squared().max(1e-9));
-        let front = rotation * Vec3::NEG_Y;
-        let pole = bent + 0.02 * front;
-        let pole = (pole - down * pole.dot(down)).normalize_or(planar.forward().extend(0.0));
-        let along = distance / 2.0;
-        let knee = hip + down * along + pole * (LEG_LENGTH * LEG_LENGTH - along * along).max(0.0).sqrt();
-        let side_axis = pole.cross(down).normalize_or(Vec3::X);
-        let bone = |from: Vec3, to: Vec3| {
-            let z = (from - to).normalize_or(Vec3::Z);
-            let x = (side_axis - z * side_axis.dot(z)).normalize_or(Vec3::X);
-            Quat::from_mat3(&glam::Mat3::from_cols(x, z.cross(x), z))
-        };
-        let (thigh_rotation, shin_rotation) = (bone(hip, knee), bone(knee, ankle));
-        posture.rotations[thigh] = pose.rotations[0].inverse() * thigh_rotation;
-        posture.rotations[shin] = thigh_rotation.inverse() * shin_rotation;
-        posture.rotations[foot] = shin_rotation.inverse() * rotation;
+        bend_leg(side, ankle, rotation, posture, pose);
         if heel > 0.0 {
             posture.rotations[toe] = Quat::from_rotation_x(-heel) * posture.rotations[toe];
-        }
-        for joint in [thigh, shin, foot, toe] {
-            pose.place(posture, joint);
+            pose.place(posture, toe);
         }
     }
+}
 
-    /// Slows a leg that swings down to the library's own turns; its toe follows.
-    pub(super) fn slow_down(
-        &mut self,
-        ground: (&Planar, f32),
-        last: &Posture,
-        (frame, limits): (&DatabaseFrame, &TurnLimits),
-        side: usize,
-        posture: &mut Posture,
-        pose: &mut Pose,
-    ) {
-        let (planar, floor) = ground;
-        if self.held.is_some() {
-            return;
-        }
-        let mut slower = *posture;
-        let mut slowed = false;
-        for joint in CHAIN[side].map(Joint::index) {
-            if let Some(rotation) = limits.slowed_down(joint, last.rotations[joint], posture.rotations[joint])
-            {
-                slower.rotations[joint] = rotation;
-                slowed = true;
-            }
-        }
-        if !slowed {
-            return;
-        }
-        let least = floor + TOE_HEIGHT.min(frame.toe[side].z) - 1e-3;
-        let chain = CHAIN[side].map(Joint::index);
-        // `share` of the way from the slowed leg to what it was to be.
-        let at = |share: f32| {
-            let (mut blended, mut placed) = (slower, *pose);
-            for joint in chain {
-                if share > 0.0 {
-                    blended.rotations[joint] = slower.rotations[joint].slerp(posture.rotations[joint], share);
-                }
-                placed.place(&blended, joint);
-            }
-            (blended, placed, placed.position(Joint::TOES[side]))
-        };
-        let mut found = at(0.0);
-        if found.2.z < least {
-            // As slow as it can be without sinking into the floor.
-            let (mut low, mut high) = (0.0, 1.0);
-            for _ in 0..5 {
-                let middle = 0.5 * (low + high);
-                if at(middle).2.z < least { low = middle } else { high = middle }
-            }
-            found = at(high);
-        }
-        let (blended, placed, toe) = found;
-        (*posture, *pose) = (blended, placed);
-        let missing = toe - Vec3::Z * floor - Self::clip_toe(planar, frame, side);
-        self.toe.offset = missing.truncate().extend(self.toe.offset.z);
+/// Bends a leg so that its ankle stands at `ankle` (world) and its foot is turned by `rotation`; the knee bends in the plane
+/// it bent in.
+pub(super) fn bend_leg(side: usize, ankle: Vec3, rotation: Quat, posture: &mut Posture, pose: &mut Pose) {
+    let [thigh, shin, foot, toe] = CHAIN[side].map(Joint::index);
+    let hip = pose.positions[thigh];
+    let down = (ankle - hip).normalize_or(Vec3::NEG_Z);
+    let distance = ankle.distance(hip).clamp(0.15, LONGEST_LEG);
+    let straight = pose.positions[foot] - hip;
+    let knee_before = pose.positions[shin] - hip;
+    let bent = knee_before - straight * (knee_before.dot(straight) / straight.length_squared().max(1e-9));
+    let pole = bent + 0.02 * (rotation * Vec3::NEG_Y);
+    let ahead = pose.rotations[0] * Vec3::NEG_Y;
+    let pole = (pole - down * pole.dot(down)).normalize_or(ahead);
+    let along = distance / 2.0;
+    let knee = hip + down * along + pole * (LEG_LENGTH * LEG_LENGTH - along * along).max(0.0).sqrt();
+    let side_axis = pole.cross(down).normalize_or(Vec3::X);
+    let bone = |from: Vec3, to: Vec3| {
+        let z = (from - to).normalize_or(Vec3::Z);
+        let x = (side_axis - z * side_axis.dot(z)).normalize_or(Vec3::X);
+        Quat::from_mat3(&glam::Mat3::from_cols(x, z.cross(x), z))
+    };
+    let (thigh_rotation, shin_rotation) = (bone(hip, knee), bone(knee, ankle));
+    posture.rotations[thigh] = pose.rotations[0].inverse() * thigh_rotation;
+    posture.rotations[shin] = thigh_rotation.inverse() * shin_rotation;
+    posture.rotations[foot] = shin_rotation.inverse() * rotation;
+    for joint in [thigh, shin, foot, toe] {
+        pose.place(posture, joint);
     }
 }

@@ -7,7 +7,8 @@
 
 mod alignment;
 mod feet;
-pub mod inertia;
+mod inertia;
+mod pace;
 
 use glam::{Quat, Vec3};
 
@@ -21,7 +22,9 @@ use crate::motion::{FRAME_RATE, FootContact, Joint, Pose, Posture};
 
 use alignment::Alignment;
 use feet::Foot;
-use inertia::{Inertia, InertiaVec2, Spring};
+use inertia::{Glide, Inertia};
+
+pub use pace::{Paced, unhurried};
 
 /// Seconds of one frame.
 pub const FRAME_TIME: f32 = 1.0 / FRAME_RATE;
@@ -33,20 +36,16 @@ pub const OFFSET_JOINTS: [Joint; 4] =
 /// a^offset: an angle-axis vector (radians, in the joint's own frame) for each of [`OFFSET_JOINTS`].
 pub type PostureOffset = [Vec3; OFFSET_JOINTS.len()];
 
-/// How fast a transition's difference dies away at the fastest, seconds for half of it.
-const HALF_LIFE: f32 = 0.085;
-/// …and slower where a joint would turn by more than this share of what the library's own turns: the clip turns it too.
+/// How long a transition's difference lasts at the least, seconds.
+const SETTLES_IN: f32 = 0.35;
+/// …and longer where a joint would turn by more than this share of what the library's own turns: the clip turns it too.
 const TRANSITION_SHARE: f32 = 0.6;
 /// The same for the root's velocity.
-const ROOT_HALF_LIFE: f32 = 0.10;
+const ROOT_SETTLES_IN: f32 = 0.35;
 /// The same for a new posture offset.
-const OFFSET_HALF_LIFE: f32 = 0.12;
+const OFFSET_SETTLES_IN: f32 = 0.4;
 /// Share of the hips' fastest turn in the library that the heading may take of it; the rest is for their tilt.
 const TURN_SHARE: f32 = 0.97;
-
-/// How often a frame's root is held back for a leg, and to which share of what that leg may turn.
-const WAITS: usize = 8;
-const WAIT: f32 = 0.97;
 
 /// What neither the root nor a foot leads.
 const UPPER_BODY: [Joint; 13] = [
@@ -84,16 +83,16 @@ pub struct Character {
     /// Squared distance (radians²) of m_t from m̂_t over the offset joints, for R_reg.
     pub offset_distance: f32,
     /// The fastest turn of a leg's joint in this frame over the 99.9th percentile of the library's, at least 1; all others
-    /// keep to it.
+    /// keep to it. What is more than 1 makes the motion slower, see [`unhurried`].
     pub leg_speed: f32,
     joints: [Inertia; JOINT_COUNT],
-    springs: [Spring; JOINT_COUNT],
     height: Inertia,
-    drift: InertiaVec2,
-    spin: f32,
+    glide: Glide,
     feet: [Foot; 2],
+    /// The posture offset that is shown, that is wanted, and the difference.
     offset: PostureOffset,
-    offset_velocity: PostureOffset,
+    wanted_offset: PostureOffset,
+    missing_offset: [Inertia; OFFSET_JOINTS.len()],
     alignment: Option<Alignment>,
 }
 
@@ -115,13 +114,12 @@ impl Character {
             offset_distance: 0.0,
             leg_speed: 1.0,
             joints: [Inertia::default(); JOINT_COUNT],
-            springs: [Spring::new(HALF_LIFE); JOINT_COUNT],
             height: Inertia::default(),
-            drift: InertiaVec2::default(),
-            spin: 0.0,
+            glide: Glide::default(),
             feet: [0, 1].map(|side| Foot::standing(&start, source, side)),
             offset: [Vec3::ZERO; OFFSET_JOINTS.len()],
-            offset_velocity: [Vec3::ZERO; OFFSET_JOINTS.len()],
+            wanted_offset: [Vec3::ZERO; OFFSET_JOINTS.len()],
+            missing_offset: [Inertia::default(); OFFSET_JOINTS.len()],
             alignment: None,
         };
         character.pose_from(database);
@@ -161,7 +159,7 @@ impl Character {
                 velocity(&old.posture, &old_next.posture) - velocity(&new.posture, &new_next.posture);
             inertia.limit_velocity();
             let speed = TRANSITION_SHARE * database.turns.usual[joint] * FRAME_RATE;
-            self.springs[joint] = Spring::new(inertia::half_life(inertia.offset.length(), speed, HALF_LIFE));
+            inertia.settle_in(inertia::settling_time(inertia.offset.length(), speed, SETTLES_IN));
         }
         self.height.offset.z += old.posture.root_position.z - new.posture.root_position.z;
         self.height.velocity.z += (old_next.posture.root_position.z
@@ -169,9 +167,9 @@ impl Character {
             - new_next.posture.root_position.z
             + new.posture.root_position.z)
             * FRAME_RATE;
-        self.drift.velocity +=
-            self.planar.direction_to_world(old.step.position - new.step.position) * FRAME_RATE;
-        self.spin += (old.step.yaw - new.step.yaw) * FRAME_RATE;
+        self.height.settle_in(SETTLES_IN);
+        let drift = self.planar.direction_to_world(old.step.position - new.step.position);
+        self.glide.add(drift.extend(old.step.yaw - new.step.yaw) * FRAME_RATE, ROOT_SETTLES_IN);
         for side in 0..2 {
             self.feet[side].transition(&self.planar, old, old_next, new, new_next, side);
         }
@@ -191,9 +189,9 @@ impl Character {
         self.before = self.pose;
         let before = self.planar;
         self.planar = self.planar.compose(source.step);
-        self.planar.position += self.drift.step(ROOT_HALF_LIFE);
-        self.planar.yaw = wrap_angle(self.planar.yaw + self.spin * FRAME_TIME);
-        self.spin *= inertia::decay(ROOT_HALF_LIFE);
+        let glide = self.glide.step();
+        self.planar.position += glide.truncate();
+        self.planar.yaw = wrap_angle(self.planar.yaw + glide.z);
         if source.remaining > 0 {
             self.frame += 1;
         }
@@ -203,14 +201,18 @@ impl Character {
         let turn = wrap_angle(self.planar.yaw - before.yaw);
         let most = TURN_SHARE * database.turns.usual[Joint::Hips.index()];
         self.planar.yaw = wrap_angle(before.yaw + turn.clamp(-most, most));
-        for (inertia, spring) in self.joints.iter_mut().zip(&self.springs) {
-            inertia.step(spring);
+        self.joints.iter_mut().for_each(Inertia::step);
+        self.height.step();
+        for (at, wanted) in offset.iter().enumerate() {
+            let missing = &mut self.missing_offset[at];
+            if self.wanted_offset[at] != *wanted {
+                missing.offset += self.wanted_offset[at] - *wanted;
+                missing.settle_in(OFFSET_SETTLES_IN);
+            }
+            missing.step();
+            self.offset[at] = *wanted + missing.offset;
         }
-        self.height.step(&Spring::new(HALF_LIFE));
-        let spring = Spring::new(OFFSET_HALF_LIFE);
-        for ((shown, velocity), target) in self.offset.iter_mut().zip(&mut self.offset_velocity).zip(offset) {
-            spring.step(shown, velocity, *target);
-        }
+        self.wanted_offset = *offset;
         for side in 0..2 {
             let other_stands = self.feet[1 - side].stands();
             self.feet[side].step(&self.planar, &database.frames[self.frame], side, other_stands);
@@ -218,37 +220,10 @@ impl Character {
         let last = self.posture;
         self.pose_from(database);
         self.slow_down(&last, database);
-        for _ in 0..WAITS {
-            if self.leg_speed <= 1.0 {
-                break;
-            }
-            let hurried = self.clone();
-            self.hold_back(WAIT / self.leg_speed, before, &last, database);
-            if self.leg_speed >= hurried.leg_speed {
-                // It is not the root that turns the leg.
-                *self = hurried;
-                break;
-            }
-        }
-    }
-
-    /// The same frame once more, the root and a foot that swings only `share` of the way from where they were.
-    fn hold_back(&mut self, share: f32, before: Planar, last: &Posture, database: &MotionDatabase) {
-        let hurried = self.planar;
-        self.planar.position = before.position.lerp(hurried.position, share);
-        self.planar.yaw = wrap_angle(before.yaw + share * wrap_angle(hurried.yaw - before.yaw));
-        self.height.offset.z -= (1.0 - share) * (self.posture.root_position.z - last.root_position.z);
-        for side in 0..2 {
-            let ways = (&self.before, &self.pose);
-            let frame = &database.frames[self.frame];
-            self.feet[side].hold_back((&hurried, &self.planar), share, ways, frame, side);
-        }
-        self.pose_from(database);
-        self.slow_down(last, database);
     }
 
     /// No joint turns faster than the library's own do (its 99.9th percentile): what is missing stays in its offset, to be
-    /// caught up with. A leg that stands follows the pelvis as fast as it must; see [`Character::hold_back`].
+    /// caught up with. A leg that stands follows the pelvis as fast as it must; see [`unhurried`].
     fn slow_down(&mut self, last: &Posture, database: &MotionDatabase) {
         let source = &database.frames[self.frame];
         let mut slowed = false;
@@ -264,17 +239,13 @@ impl Character {
             let offset = OFFSET_JOINTS.iter().position(|j| *j == joint);
             let offset = offset.map_or(Quat::IDENTITY, |j| from_angle_axis(self.offset[j]));
             let shown = rotation * offset.inverse();
-            self.joints[at].offset = to_angle_axis(shown * source.posture.rotations[at].inverse());
+            let offset = to_angle_axis(shown * source.posture.rotations[at].inverse());
+            self.joints[at].divert(offset, SETTLES_IN);
         }
         if slowed {
             for joint in UPPER_BODY {
                 self.pose.place(&self.posture, joint.index());
             }
-        }
-        for side in 0..2 {
-            let (posture, pose) = (&mut self.posture, &mut self.pose);
-            let ground = (&self.planar, self.floor);
-            self.feet[side].slow_down(ground, last, (source, &database.turns), side, posture, pose);
         }
         self.leg_speed = feet::CHAIN
             .iter()

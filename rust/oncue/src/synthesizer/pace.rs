@@ -1,0 +1,195 @@
+//! The pace of a finished motion: where a joint would turn faster than the library's own ever do, all of it goes slower for a
+//! moment, along the same way. Nothing comes to stand elsewhere, and nothing that was clear of the scene is not.
+
+use std::f32::consts::PI;
+
+use super::feet::{CHAIN, bend_leg};
+use crate::library::database::TurnLimits;
+use crate::motion::skeleton::JOINT_OFFSET;
+use crate::motion::{JOINT_COUNT, Motion, Posture};
+
+/// Share of what a joint may turn that is made use of where it would turn more.
+const MARGIN: f32 = 0.99;
+/// How often the pace is corrected.
+const ROUNDS: usize = 6;
+/// Frames to either side in which the pace changes.
+const EASE: usize = 5;
+/// Of a frame: nearer than this to one of the motion's it is that one.
+const SAME: f32 = 1e-3;
+
+/// A motion at another pace.
+#[derive(Debug, Clone)]
+pub struct Paced {
+    pub motion: Motion,
+    /// The frame of the motion before, with its fraction, that each frame shows.
+    shows: Vec<f32>,
+}
+
+impl Paced {
+    /// The first frame that shows frame `before` of the motion before, or what comes after.
+    pub fn frame_of(&self, before: usize) -> usize {
+        let after = self.shows.iter().position(|f| f + SAME >= before as f32);
+        after.unwrap_or(self.shows.len().saturating_sub(1))
+    }
+}
+
+/// The motion so much slower, where it must be, that no joint turns faster than `limits`; `None` where none does.
+pub fn unhurried(motion: &Motion, limits: &TurnLimits) -> Option<Paced> {
+    // How many frames each step from frame to frame takes.
+    let mut frames: Vec<f32> = motion.postures.windows(2).map(|pair| over(hurry(pair, limits))).collect();
+    if frames.iter().all(|f| *f <= 1.0) {
+        return None;
+    }
+    let mut paced = played(motion, &eased(&frames));
+    // A knee does not turn evenly between two frames: what still hurries gets more.
+    for _ in 0..ROUNDS {
+        let mut hurries = false;
+        for (pair, shows) in paced.motion.postures.windows(2).zip(paced.shows.windows(2)) {
+            let ratio = hurry(pair, limits);
+            if ratio > 1.0 {
+                hurries = true;
+                let steps = shows[0] as usize..(shows[1].ceil() as usize).min(frames.len());
+                frames[steps].iter_mut().for_each(|f| *f *= over(ratio));
+            }
+        }
+        if !hurries {
+            break;
+        }
+        paced = played(motion, &eased(&frames));
+    }
+    Some(paced)
+}
+
+/// The fastest turn between two frames over what its joint may turn, at least 1.
+fn hurry(pair: &[Posture], limits: &TurnLimits) -> f32 {
+    let ratio = |j: usize| limits.ratio(j, pair[0].rotations[j], pair[1].rotations[j]);
+    (0..JOINT_COUNT).map(ratio).fold(1.0, f32::max)
+}
+
+/// How many times longer a step takes that is `ratio` times too fast.
+fn over(ratio: f32) -> f32 {
+    if ratio > 1.0 { ratio / MARGIN } else { 1.0 }
+}
+
+/// The motion with `frames` frames for each of its steps.
+fn played(motion: &Motion, frames: &[f32]) -> Paced {
+    let (mut paced, mut shows) = (Motion::default(), Vec::new());
+    // `begun`: when the step from frame `at` begins.
+    let (mut at, mut begun) = (0, 0.0);
+    for now in 0.. {
+        while at < frames.len() && begun + frames[at] < now as f32 {
+            begun += frames[at];
+            at += 1;
+        }
+        let part = frames.get(at).map_or(0.0, |f| (now as f32 - begun) / f);
+        shows.push(at as f32 + part);
+        paced.postures.push(between(motion, at, part));
+        let after = motion.contacts[(at + usize::from(part > SAME)).min(motion.len() - 1)];
+        paced.contacts.push([0, 1].map(|side| motion.contacts[at][side].min(after[side])));
+        if at == frames.len() {
+            break;
+        }
+    }
+    Paced { motion: paced, shows }
+}
+
+/// No less than the values, and changing slowly: each is first taken as its largest neighbour.
+fn eased(values: &[f32]) -> Vec<f32> {
+    let around = |i: usize| i.saturating_sub(EASE)..(i + EASE + 1).min(values.len());
+    let largest: Vec<f32> =
+        (0..values.len()).map(|i| values[around(i)].iter().copied().fold(1.0, f32::max)).collect();
+    (0..values.len())
+        .map(|i| {
+            let weight = |f: usize| 1.0 + (PI * f.abs_diff(i) as f32 / (EASE as f32 + 1.0)).cos();
+            let sum: f32 = around(i).map(|f| weight(f) * largest[f]).sum();
+            sum / around(i).map(weight).sum::<f32>()
+        })
+        .collect()
+}
+
+/// The posture `part` of the way from frame `at` to the next: what stands in both stands.
+fn between(motion: &Motion, at: usize, part: f32) -> Posture {
+    let before = &motion.postures[at];
+    let Some(after) = motion.postures.get(at + 1).filter(|_| part > SAME) else {
+        return *before;
+    };
+    let mut posture = *before;
+    posture.root_position = before.root_position.lerp(after.root_position, part);
+    for (rotation, after) in posture.rotations.iter_mut().zip(&after.rotations) {
+        *rotation = rotation.slerp(*after, part).normalize();
+    }
+    let (from, to, mut pose) = (before.pose(), after.pose(), posture.pose());
+    for (side, [.., foot, toe]) in CHAIN.iter().enumerate() {
+        let rotation = from.rotation(*foot).slerp(to.rotation(*foot), part);
+        let place = from.position(*toe).lerp(to.position(*toe), part);
+        let ankle = place - rotation * JOINT_OFFSET[toe.index()];
+        bend_leg(side, ankle, rotation, &mut posture, &mut pose);
+    }
+    posture
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rotation::angle_between;
+    use crate::motion::Joint;
+    use glam::{Quat, Vec3};
+
+    /// A person who stands with bent knees and turns a forearm, fast in the middle, while the pelvis shifts.
+    fn motion() -> Motion {
+        let mut motion = Motion::default();
+        for frame in 0..40 {
+            let mut posture = Posture::default();
+            posture.root_position += Vec3::new(0.001 * frame as f32, 0.0, -0.05);
+            let angle = 0.4 / (1.0 + (-(frame as f32 - 20.0)).exp());
+            posture.rotations[Joint::LeftForeArm.index()] = Quat::from_rotation_x(angle);
+            let mut pose = posture.pose();
+            for side in 0..2 {
+                let toe = Posture::default().pose().position(Joint::TOES[side]);
+                let ankle = toe - JOINT_OFFSET[Joint::TOES[side].index()];
+                bend_leg(side, ankle, Quat::IDENTITY, &mut posture, &mut pose);
+            }
+            motion.postures.push(posture);
+            motion.contacts.push([1.0; 2]);
+        }
+        motion
+    }
+
+    #[test]
+    fn who_does_not_hurry_is_left_alone() {
+        assert!(unhurried(&motion(), &TurnLimits::new([0.2; JOINT_COUNT])).is_none());
+    }
+
+    #[test]
+    fn a_turn_keeps_to_its_limit_and_the_feet_stay() {
+        let (motion, limit) = (motion(), 0.06);
+        let paced = unhurried(&motion, &TurnLimits::new([limit; JOINT_COUNT])).expect("it hurries");
+        let arm = |p: &Posture| p.rotations[Joint::LeftForeArm.index()];
+        for pair in paced.motion.postures.windows(2) {
+            assert!(angle_between(arm(&pair[0]), arm(&pair[1])) <= limit);
+        }
+        let toes = |p: &Posture| Joint::TOES.map(|toe| p.pose().position(toe));
+        let stood = toes(&motion.postures[0]);
+        for posture in &paced.motion.postures {
+            assert!(toes(posture).iter().zip(&stood).all(|(a, b)| a.distance(*b) < 1e-4));
+        }
+        // The same way, from the same posture to the same.
+        assert_eq!(paced.motion.postures[0], motion.postures[0]);
+        assert_eq!(paced.motion.postures.last(), motion.postures.last());
+        assert_eq!(paced.motion.contacts.len(), paced.motion.postures.len());
+        // Half again as long where it was fastest, and no longer elsewhere.
+        let added = paced.motion.len() - motion.len();
+        assert!((3..12).contains(&added), "{added}");
+        assert_eq!((paced.frame_of(5), paced.frame_of(39)), (5, 39 + added));
+    }
+
+    #[test]
+    fn the_pace_changes_slowly() {
+        let mut needed = vec![1.0; 40];
+        needed[20] = 2.0;
+        let eased = eased(&needed);
+        assert!(eased.iter().zip(&needed).all(|(e, n)| e >= n));
+        assert!(eased.windows(2).all(|w| (w[1] - w[0]).abs() < 0.2));
+        assert!(eased[..8].iter().all(|e| (e - 1.0).abs() < 1e-6));
+    }
+}
