@@ -359,7 +359,7 @@ impl<'a> Environment<'a> {
     /// See [`Tally::jolt`].
     fn jolt(&self, positions: [&[Vec3; JOINT_COUNT]; 3]) -> f32 {
         let hard = accelerations(positions);
-        let usual = self.database.accelerations;
+        let usual = &self.database.accelerations;
         hard.iter().zip(usual).map(|(hard, usual)| hard / usual.max(1e-2) - 1.0).fold(0.0, f32::max)
     }
 

@@ -226,7 +226,7 @@ fn record(environment: &Environment, candidate: &Candidate) -> (Episode, usize) 
 }
 
 /// What an artist would mind, in one number: a missed cue most, then limbs in furniture, then visible
-/// transitions, detours and dawdling.
+/// transitions and jolts, feet that creep, legs that hurry, detours and dawdling.
 fn cost(environment: &Environment, end: EpisodeEnd, episode: &Episode) -> f32 {
     let tally = &episode.tally;
     let seconds = tally.frames as f32 / FRAME_RATE;

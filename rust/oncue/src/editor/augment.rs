@@ -12,6 +12,7 @@ use rand_pcg::Pcg32;
 
 use super::window::WINDOW;
 use crate::library::foot;
+use crate::math::curve::smoothstep;
 use crate::math::rotation::yaw;
 use crate::motion::{Joint, Motion, Posture};
 
@@ -85,10 +86,7 @@ impl Bump {
     }
 
     fn at(&self, frame: usize) -> f32 {
-        let step = |[from, to]: [f32; 2]| {
-            let t = ((frame as f32 - from) / (to - from)).clamp(0.0, 1.0);
-            t * t * (3.0 - 2.0 * t)
-        };
+        let step = |[from, to]: [f32; 2]| smoothstep((frame as f32 - from) / (to - from));
         step(self.rise) * (1.0 - step(self.fall))
     }
 }

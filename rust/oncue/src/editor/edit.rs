@@ -14,6 +14,7 @@ use super::latent::{Decoder, Search, SearchFigures, Target, mix, search};
 use super::touch::Surfaces;
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
+use crate::math::curve::smoothstep;
 use crate::math::rotation::{angle_between, wrap_angle, yaw};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
 use crate::progress::Progress;
@@ -534,11 +535,6 @@ fn is_foot(joint: Joint) -> bool {
 fn least_jerk(t: f32) -> f32 {
     let t = t.clamp(0.0, 1.0);
     t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
-}
-
-fn smoothstep(t: f32) -> f32 {
-    let t = t.clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
 }
 
 /// What is left of a constraint in a motion.

@@ -9,6 +9,7 @@ use super::edit::{EditFigures, Edited, constraint_figures, span};
 use super::finish::{Span, Term, correct};
 use super::latent::mix;
 use crate::error::Result;
+use crate::math::curve::smoothstep;
 use crate::motion::{Joint, Motion};
 use crate::progress::Progress;
 use crate::settings::EditorSettings;
@@ -67,7 +68,7 @@ pub fn plain_ik(
                 (frames.partition_point(|&f| f < frame).min(solved.len() - 1), 1.0)
             };
             let mut posture = motion.postures[frame];
-            posture.rotations = mix(&posture, &solved[near], t * t * (3.0 - 2.0 * t)).rotations;
+            posture.rotations = mix(&posture, &solved[near], smoothstep(t)).rotations;
             posture.rotations[0] = motion.postures[frame].rotations[0];
             out.postures[frame] = posture;
         }

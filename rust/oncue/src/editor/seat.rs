@@ -17,6 +17,7 @@ use super::touch::Surfaces;
 use crate::cue::ActionCue;
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
+use crate::math::curve::smoothstep;
 use crate::math::rotation::{to_angle_axis, wrap_angle, yaw};
 use crate::motion::skeleton::{ANKLE_HEIGHT, JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose};
@@ -367,8 +368,8 @@ impl Seat<'_> {
     fn shift_last_plant(&self, plan: &mut FootPlan, side: usize, shift: Vec2) {
         let Some(swing) = plan.last_swing(side, self.complete) else { return };
         for frame in swing.start..plan.feet.len() {
-            let t = ((frame + 1 - swing.start) as f32 / (swing.len() + 1) as f32).min(1.0);
-            let moved = (shift * (t * t * (3.0 - 2.0 * t))).extend(0.0);
+            let t = (frame + 1 - swing.start) as f32 / (swing.len() + 1) as f32;
+            let moved = (shift * smoothstep(t)).extend(0.0);
             let foot = &mut plan.feet[frame][side];
             foot.ankle += moved;
             foot.toe += moved;

@@ -12,6 +12,7 @@ use super::search::SearchIndex;
 use crate::cue::ActionType;
 use crate::error::{Error, Result};
 use crate::math::Planar;
+use crate::math::curve::softened;
 use crate::math::rotation::{angle_between, from_angle_axis, to_angle_axis};
 use crate::metrics::{joint_accelerations, joint_turns};
 use crate::motion::{FootContact, JOINT_COUNT, Joint, Posture};
@@ -329,21 +330,10 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
         frames.iter().map(|f| PLANTED + f.contact.iter().map(|c| 1.0 - c).sum::<f32>().min(1.0)).collect();
     let stands: Vec<f32> =
         frames.iter().zip(&swing).map(|(f, s)| if f.until_seated > 0 { *s } else { 0.0 }).collect();
-    for (frame, (turn, shift)) in frames.iter_mut().zip(spread(&swing).into_iter().zip(spread(&stands))) {
+    for (frame, (turn, shift)) in
+        frames.iter_mut().zip(softened(&swing, SPREAD).into_iter().zip(softened(&stands, SPREAD)))
+    {
         frame.gives_way = GivesWay { turn, shift };
     }
     (frames, features)
-}
-
-/// The values averaged over [`SPREAD`] frames to either side, with the weights of a raised cosine.
-fn spread(values: &[f32]) -> Vec<f32> {
-    let width = SPREAD as f32 + 1.0;
-    let weight = |d: usize| 1.0 + (std::f32::consts::PI * d as f32 / width).cos();
-    (0..values.len())
-        .map(|i| {
-            let around = i.saturating_sub(SPREAD)..(i + SPREAD + 1).min(values.len());
-            let weights = around.clone().map(|f| weight(f.abs_diff(i)));
-            around.zip(weights.clone()).map(|(f, w)| w * values[f]).sum::<f32>() / weights.sum::<f32>()
-        })
-        .collect()
 }

@@ -3,6 +3,7 @@
 use glam::{Mat3, Quat, Vec3};
 
 use super::contact::{median, runs};
+use crate::math::curve::{smoothstep, widened};
 use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::{ANKLE_HEIGHT, HEEL_LENGTH, JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT, TOE_LENGTH};
 use crate::motion::{Joint, Motion, Pose, Posture};
@@ -100,7 +101,7 @@ pub fn clean_up(motion: &mut Motion) {
                 .fold(0.0, f32::max)
         })
         .collect();
-    drop = smooth(&widen(&drop, 4), 4);
+    drop = smooth(&widened(&drop, 4), 4);
     for (frame, posture) in motion.postures.iter_mut().enumerate() {
         posture.root_position.z -= drop[frame];
         for (side, leg) in LEGS.iter().enumerate() {
@@ -168,7 +169,7 @@ fn foot_targets(poses: &[Pose], planted: &[bool], side: usize) -> Vec<FootTarget
     let needed = |rotations: &[Quat], arm: Vec3, sign: f32| -> Vec<f32> {
         let lifts: Vec<f32> =
             rotations.iter().zip(&balls).map(|(&q, ball)| lift_angle(ball.z, q, arm, sign)).collect();
-        smooth(&widen(&lifts, 2), 2)
+        smooth(&widened(&lifts, 2), 2)
     };
     let feet = turned(&feet, &needed(&feet, heel_arm, 1.0), 1.0);
     // Toes are a hinge: captured ones twist and jitter.
@@ -221,16 +222,6 @@ fn needed_drop(hip: Vec3, ankle: Vec3, longest: f32) -> f32 {
     (to.z - high).clamp(0.0, 0.15)
 }
 
-/// Maximum over `radius` frames each side.
-fn widen(values: &[f32], radius: usize) -> Vec<f32> {
-    (0..values.len())
-        .map(|i| {
-            let window = &values[i.saturating_sub(radius)..(i + radius + 1).min(values.len())];
-            window.iter().copied().fold(0.0, f32::max)
-        })
-        .collect()
-}
-
 /// A smooth mean over `radius` frames each side: half of that, twice.
 fn smooth(values: &[f32], radius: usize) -> Vec<f32> {
     let once = |values: &[f32], radius: usize| -> Vec<f32> {
@@ -242,11 +233,6 @@ fn smooth(values: &[f32], radius: usize) -> Vec<f32> {
             .collect()
     };
     once(&once(values, radius / 2), radius / 2)
-}
-
-fn smoothstep(t: f32) -> f32 {
-    let t = t.clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
 }
 
 #[cfg(test)]

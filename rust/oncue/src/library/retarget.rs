@@ -9,6 +9,7 @@ use glam::{Quat, Vec3};
 use super::calibration::{Calibration, Sampler};
 use super::foot;
 use super::mocap_file::MocapFile;
+use crate::math::curve::smoothstep;
 use crate::motion::skeleton::{JOINT_OFFSET, PARENT, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
 
@@ -118,8 +119,7 @@ fn roll_to_hinge(upper: Quat, lower: Quat, bone: Vec3, hinge: Vec3) -> Quat {
     let bend = along.cross(lower * bone);
     let is = upper * hinge;
     let angle = along.dot(is.cross(bend)).atan2(is.dot(bend));
-    let ease = |t: f32| t.clamp(0.0, 1.0).powi(2) * (3.0 - 2.0 * t.clamp(0.0, 1.0));
-    let trust = ease((bend.length() - 0.1) / 0.3) * ease((2.4 - angle.abs()) / 0.8);
+    let trust = smoothstep((bend.length() - 0.1) / 0.3) * smoothstep((2.4 - angle.abs()) / 0.8);
     Quat::from_axis_angle(along.normalize_or(Vec3::Z), angle * trust)
 }
 

@@ -1,5 +1,6 @@
-//! Rotations and the person-centric plane.
+//! Rotations, the person-centric plane, and shapes of curves.
 
+pub mod curve;
 pub mod eigen;
 pub mod planar;
 pub mod rotation;

@@ -8,6 +8,7 @@ use glam::Vec2;
 use crate::cue::{ActionCue, ActionType};
 use crate::library::database::{DatabaseFrame, GivesWay, MotionDatabase};
 use crate::math::Planar;
+use crate::math::curve::smoothstep;
 use crate::math::rotation::wrap_angle;
 
 /// Largest correction of one frame: metres, radians, metres of height.
@@ -52,8 +53,7 @@ impl Alignment {
         self.age += 1.0;
         let share_of = |gives: &dyn Fn(&GivesWay) -> f32| {
             let weight = |(at, frame): (usize, &DatabaseFrame)| {
-                let begun = ((self.age + at as f32) / SETS_IN).min(1.0);
-                gives(&frame.gives_way) * begun * begun * (3.0 - 2.0 * begun)
+                gives(&frame.gives_way) * smoothstep((self.age + at as f32) / SETS_IN)
             };
             let all = coming[..ahead].iter().enumerate().map(weight).sum::<f32>();
             if all > 1e-3 { weight((0, &coming[0])) / all } else { 0.0 }

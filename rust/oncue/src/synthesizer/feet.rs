@@ -159,23 +159,26 @@ impl Foot {
         target.z = target.z.max(TOE_HEIGHT.min(frame.toe[side].z)) + floor;
         let mut rotation = from_angle_axis(self.turn.offset) * planar.rotation() * frame.foot_rotation[side];
         let hip = pose.positions[thigh];
-        let longest = LONGEST_LEG;
         let ankle_of = |rotation: Quat| target - rotation * JOINT_OFFSET[toe];
         let mut ankle = ankle_of(rotation);
         let mut heel = 0.0;
-        if ankle.distance(hip) > longest {
+        if ankle.distance(hip) > LONGEST_LEG {
             // Raise the heel about the toe just far enough, as a trailing leg does.
             let raised = |angle: f32| rotation * Quat::from_rotation_x(angle);
             let (mut low, mut high) = (0.0, HEEL_RISE);
             for _ in 0..10 {
                 let middle = 0.5 * (low + high);
-                if ankle_of(raised(middle)).distance(hip) > longest { low = middle } else { high = middle }
+                if ankle_of(raised(middle)).distance(hip) > LONGEST_LEG {
+                    low = middle
+                } else {
+                    high = middle
+                }
             }
             heel = high;
             rotation = raised(heel);
             ankle = ankle_of(rotation);
-            if ankle.distance(hip) > longest + 1e-3 {
-                ankle = hip + (ankle - hip).clamp_length_max(longest);
+            if ankle.distance(hip) > LONGEST_LEG + 1e-3 {
+                ankle = hip + (ankle - hip).clamp_length_max(LONGEST_LEG);
                 if self.held.is_some() {
                     self.dragged = Some((ankle + rotation * JOINT_OFFSET[toe]).truncate());
                 }

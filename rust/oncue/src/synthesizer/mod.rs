@@ -3,7 +3,8 @@
 //! Every N-th frame the query feature x_t is matched against the database; between searches the
 //! matched clip plays on. What the database gives is carried to where the character stands,
 //! inertialised ([`inertia`]), altered by the posture offset τ, turned towards the cue when it sits
-//! or stops ([`alignment`]), and its planted feet are kept where they are ([`feet`]).
+//! or stops ([`alignment`]), and its planted feet are kept where they are ([`feet`]). A finished motion is
+//! played no faster than the library's joints turn ([`pace`]).
 
 mod alignment;
 mod feet;

@@ -1,10 +1,9 @@
 //! The pace of a finished motion: where a joint would turn faster than the library's own ever do, all of it goes slower for a
 //! moment, along the same way. Nothing comes to stand elsewhere, and nothing that was clear of the scene is not.
 
-use std::f32::consts::PI;
-
 use super::feet::{CHAIN, bend_leg};
 use crate::library::database::TurnLimits;
+use crate::math::curve::{softened, widened};
 use crate::motion::skeleton::JOINT_OFFSET;
 use crate::motion::{JOINT_COUNT, Motion, Posture};
 
@@ -93,18 +92,9 @@ fn played(motion: &Motion, frames: &[f32]) -> Paced {
     Paced { motion: paced, shows }
 }
 
-/// No less than the values, and changing slowly: each is first taken as its largest neighbour.
+/// No less than the values, and changing slowly.
 fn eased(values: &[f32]) -> Vec<f32> {
-    let around = |i: usize| i.saturating_sub(EASE)..(i + EASE + 1).min(values.len());
-    let largest: Vec<f32> =
-        (0..values.len()).map(|i| values[around(i)].iter().copied().fold(1.0, f32::max)).collect();
-    (0..values.len())
-        .map(|i| {
-            let weight = |f: usize| 1.0 + (PI * f.abs_diff(i) as f32 / (EASE as f32 + 1.0)).cos();
-            let sum: f32 = around(i).map(|f| weight(f) * largest[f]).sum();
-            sum / around(i).map(weight).sum::<f32>()
-        })
-        .collect()
+    softened(&widened(values, EASE), EASE)
 }
 
 /// The posture `part` of the way from frame `at` to the next: what stands in both stands.
