@@ -3,7 +3,6 @@
 
 use super::feet::{CHAIN, bend_leg};
 use crate::library::database::TurnLimits;
-use crate::math::curve::{softened, widened};
 use crate::motion::skeleton::JOINT_OFFSET;
 use crate::motion::{JOINT_COUNT, Motion, Posture};
 
@@ -92,9 +91,11 @@ fn played(motion: &Motion, frames: &[f32]) -> Paced {
     Paced { motion: paced, shows }
 }
 
-/// No less than the values, and changing slowly.
+/// No less than the values (1 or more), and changing slowly: what each is more than 1 falls off evenly to its sides.
 fn eased(values: &[f32]) -> Vec<f32> {
-    softened(&widened(values, EASE), EASE)
+    let at = |i: usize, f: usize| (values[f] - 1.0) * (1.0 - i.abs_diff(f) as f32 / (EASE as f32 + 1.0));
+    let around = |i: usize| i.saturating_sub(EASE)..(i + EASE + 1).min(values.len());
+    (0..values.len()).map(|i| 1.0 + around(i).map(|f| at(i, f)).fold(0.0, f32::max)).collect()
 }
 
 /// The posture `part` of the way from frame `at` to the next: what stands in both stands.
