@@ -5,10 +5,10 @@ use oncue::editor::latent::manifold_distance;
 use oncue::editor::manipulation::{ManipulationFigures, lengthened, manipulate};
 use oncue::editor::plain_ik::plain_ik as solve_plainly;
 use oncue::editor::seat::{Seat, SeatFigures};
-use oncue::editor::smoothness::{Smoothness, smoothness};
 use oncue::editor::{Constraint, EditFigures, Key, Wishes, edit_motion as edit, shipped_manifold};
 use oncue::metrics::{FootFigures, foot_figures};
 use oncue::motion::FRAME_RATE;
+use oncue::motion::smoothness::{Smoothness, smoothness};
 use oncue::{ActionCue, ManipulationCue, Motion, Settings};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -203,7 +203,7 @@ pub fn motion_figures<'py>(
         motion.postures.iter_mut().for_each(|p| p.root_position.z -= floor);
         let distance = match manifold.as_deref() {
             Some(manifold) => manifold_distance(manifold, &motion, &span),
-            None => manifold_distance(oncue::editor::Manifold::shipped()?, &motion, &span),
+            None => manifold_distance(oncue::manifold::Manifold::shipped()?, &motion, &span),
         };
         Ok(MotionFigures { smoothness: smoothness(&motion, &span), foot, manifold_cm: distance })
     })?;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use oncue::editor::{ManifoldSettings, train_manifold as train};
+use oncue::manifold::{ManifoldSettings, train_manifold as train};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -14,11 +14,11 @@ use crate::library::Library;
 /// Ψ and Ψ⁻¹: the autoencoder that motions are edited in. Immutable.
 #[pyclass(frozen, module = "oncue_core")]
 pub struct Manifold {
-    pub inner: Arc<oncue::editor::Manifold>,
+    pub inner: Arc<oncue::manifold::Manifold>,
 }
 
 impl Manifold {
-    fn new(manifold: oncue::editor::Manifold) -> Self {
+    fn new(manifold: oncue::manifold::Manifold) -> Self {
         Self { inner: Arc::new(manifold) }
     }
 }
@@ -28,13 +28,13 @@ impl Manifold {
     /// The manifold that ships with Oncue.
     #[staticmethod]
     fn shipped(py: Python<'_>) -> PyResult<Self> {
-        job::run(py, || oncue::editor::Manifold::shipped().cloned()).map(Self::new)
+        job::run(py, || oncue::manifold::Manifold::shipped().cloned()).map(Self::new)
     }
 
     /// Reads a manifold's file.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        job::run(py, || oncue::editor::Manifold::read(&path)).map(Self::new)
+        job::run(py, || oncue::manifold::Manifold::read(&path)).map(Self::new)
     }
 
     /// Writes the manifold's file; an earlier one stays as it was until the new one is whole.

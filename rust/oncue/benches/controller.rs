@@ -11,8 +11,8 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use glam::Vec3;
+use oncue::controller::Environment;
 use oncue::controller::KeptPolicy;
-use oncue::controller::episode::Environment;
 use oncue::controller::policy::{Gaussian, Policy, draw};
 use oncue::controller::ppo::Ppo;
 use oncue::controller::rollout::{Rollout, Tuples};

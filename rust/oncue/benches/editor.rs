@@ -12,10 +12,10 @@ use std::time::Instant;
 
 use glam::Vec3;
 use oncue::Progress;
-use oncue::editor::kinematics::{Kinematics, RootPath};
-use oncue::editor::window::{FEATURES, WINDOW, from_motion};
-use oncue::editor::{DecoderWorkspace, Manifold, ManifoldSettings, train_manifold};
 use oncue::library::starter;
+use oncue::manifold::kinematics::{Kinematics, RootPath};
+use oncue::manifold::window::{FEATURES, WINDOW, from_motion};
+use oncue::manifold::{DecoderWorkspace, Manifold, ManifoldSettings, train_manifold};
 use oncue::math::Planar;
 use oncue::motion::{JOINT_COUNT, Motion};
 use oncue::nn::{Adam, Conv1d};

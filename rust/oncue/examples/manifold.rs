@@ -10,8 +10,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
-use oncue::editor::{ManifoldSettings, train_manifold};
 use oncue::library::{LibrarySettings, StarterUse, build};
+use oncue::manifold::{ManifoldSettings, train_manifold};
 use oncue::{Job, Progress};
 
 fn main() -> ExitCode {

@@ -12,6 +12,7 @@
 //!
 //! One space everywhere, Blender's: right-handed, Z up, metres, quaternions w first at the borders.
 
+pub mod body_solver;
 pub mod controller;
 pub mod cue;
 pub mod data_file;
@@ -19,10 +20,12 @@ pub mod editor;
 pub mod error;
 pub mod job;
 pub mod library;
+pub mod manifold;
 pub mod math;
 pub mod metrics;
 pub mod motion;
 pub mod nn;
+pub mod practice;
 pub mod progress;
 pub mod report;
 pub mod scene;

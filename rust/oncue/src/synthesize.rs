@@ -8,9 +8,10 @@ use crate::controller::{
     Environment, EpisodeEnd, KeptMotion, KeptPolicy, keep_motion, optimize_policy, request_of,
 };
 use crate::cue::{ActionType, Task};
-use crate::editor::{Manifold, check_manipulations, edit_for_task, shipped_manifold};
+use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
 use crate::library::database::MotionDatabase;
+use crate::manifold::Manifold;
 use crate::metrics::{Residual, foot_figures, penetration_figures, residual, speed_figures};
 use crate::motion::Motion;
 use crate::progress::Progress;

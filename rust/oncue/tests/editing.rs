@@ -8,15 +8,14 @@ use glam::{Quat, Vec2, Vec3};
 use oncue::editor::manipulation::{lengthened, manipulate};
 use oncue::editor::plain_ik::plain_ik;
 use oncue::editor::seat::{Seat, SeatFit};
-use oncue::editor::smoothness::{Smoothness, smoothness};
-use oncue::editor::{
-    Constraint, Edited, Key, Manifold, Wishes, check_constraints, edit_motion, shipped_manifold,
-};
+use oncue::editor::{Constraint, Edited, Key, Wishes, check_constraints, edit_motion, shipped_manifold};
 use oncue::library::foot::sole;
 use oncue::library::{ActionLabel, starter};
+use oncue::manifold::Manifold;
 use oncue::math::rotation::to_angle_axis;
 use oncue::metrics::foot_figures;
 use oncue::motion::skeleton::ANKLE_HEIGHT;
+use oncue::motion::smoothness::{Smoothness, smoothness};
 use oncue::motion::{Joint, Pose, Posture};
 use oncue::settings::EditorSettings;
 use oncue::{

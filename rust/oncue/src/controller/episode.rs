@@ -5,38 +5,23 @@ use std::f32::consts::PI;
 use glam::{Vec2, Vec3};
 use rand::{Rng, RngExt};
 
+use super::environment::Environment;
 use super::policy::{Draw, TYPE_COUNT};
 use super::reward::{
     TransitionCost, collision_reward, interaction_reward, position_reward, regularization_reward,
-    transition_cost, transition_reward, velocity_reward,
+    transition_reward, velocity_reward,
 };
-use super::state::{Observation, observe, state_size};
-use crate::cue::{ActionType, Task};
-use crate::library::database::MotionDatabase;
+use super::state::{Observation, observe};
+use crate::cue::ActionType;
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
 use crate::metrics::{ContactError, accelerations};
 use crate::motion::{FRAME_RATE, JOINT_COUNT, Joint, Motion, Pose, Posture};
-use crate::scene::{ClearPath, SceneIndex};
-use crate::settings::Settings;
 use crate::synthesizer::{Character, PostureOffset};
 
 /// Frames before the end of a sit or stop at which the posture offset is gone; it begins to fade twice as early.
 const OFFSET_FADE: f32 = 15.0;
-
-/// What an episode plays in. Shared by all threads.
-#[derive(Debug)]
-pub struct Environment<'a> {
-    pub scene: &'a SceneIndex,
-    pub database: &'a MotionDatabase,
-    pub task: &'a Task,
-    pub settings: &'a Settings,
-    pub path: ClearPath,
-    walk_weights: Vec<f32>,
-    /// Places on the clear floor at which an episode may begin.
-    starts: Vec<Vec2>,
-}
 
 /// How an episode ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -107,45 +92,7 @@ pub struct Outcome {
     pub end: Option<EpisodeEnd>,
 }
 
-impl<'a> Environment<'a> {
-    pub fn new(
-        scene: &'a SceneIndex,
-        database: &'a MotionDatabase,
-        task: &'a Task,
-        settings: &'a Settings,
-    ) -> Self {
-        let path = ClearPath::to_cue(scene, &task.cue);
-        let (low, high) = scene.bounds();
-        let mut starts = Vec::new();
-        let step = 0.15;
-        let (columns, rows) = (((high.x - low.x) / step) as usize, ((high.y - low.y) / step) as usize);
-        for row in 0..rows {
-            for column in 0..columns {
-                let xy = low.truncate() + Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * step;
-                let grid = scene.occupancy();
-                if grid.is_walkable(xy) && grid.clearance(xy) > 0.28 && path.distance(xy).is_finite() {
-                    starts.push(xy);
-                }
-            }
-        }
-        let walk_weights = settings.synthesizer.weights.vector(ActionType::Walk);
-        Self { scene, database, task, settings, path, walk_weights, starts }
-    }
-
-    /// Places on the clear floor from which the cue can be reached, 15 cm apart.
-    pub fn starts(&self) -> &[Vec2] {
-        &self.starts
-    }
-
-    pub fn state_size(&self) -> usize {
-        state_size(&self.settings.state)
-    }
-
-    /// C_tr, C_vel of entering a database frame.
-    pub fn transition_cost(&self, query: &PoseFeature, frame: usize) -> TransitionCost {
-        transition_cost(query, &self.database.pose_features[frame], &self.walk_weights)
-    }
-
+impl Environment<'_> {
     /// An episode from the task's own start.
     pub fn begin(&self, rng: &mut impl Rng) -> Episode {
         self.begin_at(self.task.start.planar(), rng)
@@ -153,10 +100,10 @@ impl<'a> Environment<'a> {
 
     /// An episode from anywhere on the clear floor, facing anywhere.
     pub fn begin_anywhere(&self, rng: &mut impl Rng) -> Episode {
-        if self.starts.is_empty() {
+        if self.starts().is_empty() {
             return self.begin(rng);
         }
-        let xy = self.starts[rng.random_range(0..self.starts.len())];
+        let xy = self.starts()[rng.random_range(0..self.starts().len())];
         self.begin_at(Planar::new(xy, rng.random_range(-PI..PI)), rng)
     }
 

@@ -8,7 +8,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use super::episode::{Environment, Episode, EpisodeEnd, Tally};
+use super::environment::Environment;
+use super::episode::{Episode, EpisodeEnd, Tally};
 use super::policy::{Draw, Gaussian, Policy, TYPE_COUNT, draw};
 use crate::error::Result;
 use crate::math::Planar;

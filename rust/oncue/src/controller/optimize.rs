@@ -6,7 +6,8 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-use super::episode::{Environment, EpisodeEnd};
+use super::environment::Environment;
+use super::episode::EpisodeEnd;
 use super::policy::Policy;
 use super::ppo::Ppo;
 use super::rollout::{Rollout, Tuples};

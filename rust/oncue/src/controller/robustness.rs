@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f32::consts::PI;
 
-use super::episode::{Environment, EpisodeEnd};
+use super::environment::Environment;
+use super::episode::EpisodeEnd;
 use super::kept::play_once;
 use super::policy::Policy;
 use crate::cue::{InitialState, Task};

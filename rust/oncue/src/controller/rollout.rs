@@ -9,7 +9,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use super::episode::{Environment, Episode, EpisodeEnd};
+use super::environment::Environment;
+use super::episode::{Episode, EpisodeEnd};
 use super::policy::{Gaussian, Policy, TYPE_COUNT, draw};
 use crate::nn::Activations;
 use crate::progress::Progress;

@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 
 use glam::Vec2;
 
-use super::episode::Environment;
+use super::environment::Environment;
 use super::policy::TYPE_COUNT;
 use crate::cue::ActionType;
 use crate::library::database::FrameMatch;
@@ -53,6 +53,13 @@ pub fn state_size(settings: &StateSettings) -> usize {
     let scene = settings.view_cells.pow(2) * settings.view_spacing.len()
         + if settings.scene_position { 2 } else { 0 };
     body + scene + INTERACTION_SIZE + if settings.clear_path { PATH_SIZE } else { 0 }
+}
+
+impl Environment<'_> {
+    /// Length of s_t under the environment's settings.
+    pub fn state_size(&self) -> usize {
+        state_size(&self.settings.state)
+    }
 }
 
 const ROTATIONS: usize = 6 * (JOINT_COUNT - 1);

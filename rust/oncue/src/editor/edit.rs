@@ -7,11 +7,11 @@ use glam::{Mat3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::constraint::Constraint;
-use super::degrees::Degrees;
-use super::feet::{FootPlan, is_supported};
-use super::finish::{SPREAD, Span, Term, centre_of_mass, correct};
+use super::foot_following::follow;
 use super::latent::{Decoder, Search, SearchFigures, Target, mix, search};
-use super::touch::Surfaces;
+use crate::body_solver::{
+    Degrees, FootPlan, SPREAD, Span, Surfaces, Term, centre_of_mass, correct, is_supported,
+};
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
 use crate::math::curve::smoothstep;
@@ -114,7 +114,7 @@ impl<'a> Edit<'a> {
             exact: &[],
         };
         let mut feet = edit.feet.clone();
-        feet.follow(constraints, &edit.span, |frame| edit.fade(frame));
+        follow(&mut feet, constraints, &edit.span, |frame| edit.fade(frame));
         edit.feet = feet;
         edit
     }

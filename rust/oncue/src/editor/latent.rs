@@ -11,12 +11,13 @@ use glam::{Mat3, Vec2, Vec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::kinematics::{Kinematics, RootPath};
-use super::manifold::{DecoderWorkspace, Manifold};
-use super::window::{
-    CONTACTS, FEATURES, HEIGHT, ROTATIONS, STEP, WINDOW, from_motion, rotation_range, to_motion,
-};
+use crate::body_solver::FootPlaces;
 use crate::error::Result;
+use crate::manifold::kinematics::{Kinematics, RootPath};
+use crate::manifold::window::{
+    CONTACTS, FEATURES, HEIGHT, ROTATIONS, STEP, WINDOW, from_motion, rotation, rotation_range, to_motion,
+};
+use crate::manifold::{DecoderWorkspace, Manifold};
 use crate::math::rotation::{from_angle_axis, to_angle_axis};
 use crate::motion::{JOINT_COUNT, Joint, Motion, Posture};
 use crate::nn::Adam;
@@ -46,8 +47,7 @@ pub struct Target {
     pub rotation: Option<Mat3>,
 }
 
-/// Where foot and toe of each side are to stay, frame by frame: left ankle, left toe, right ankle, right toe.
-pub type FootPlaces = [Vec3; 4];
+/// The joints of [`FootPlaces`], in its order.
 pub const FOOT_JOINTS: [Joint; 4] = [Joint::LeftFoot, Joint::LeftToe, Joint::RightFoot, Joint::RightToe];
 
 /// What the search is to do with a motion.
@@ -247,7 +247,7 @@ struct Carried {
 
 impl Carried {
     fn new(x: &[f32], decoded: &[f32]) -> Self {
-        let matrix = |row: &[f32], joint: usize| Mat3::from_quat(super::window::rotation(row, joint));
+        let matrix = |row: &[f32], joint: usize| Mat3::from_quat(rotation(row, joint));
         let rows = || x.chunks_exact(FEATURES).zip(decoded.chunks_exact(FEATURES));
         Self {
             turns: rows()

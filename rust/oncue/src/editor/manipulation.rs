@@ -17,9 +17,9 @@ use serde::{Deserialize, Serialize};
 
 use super::constraint::{Constraint, check_path};
 use super::edit::{EditFigures, reach_frames, whole_span};
-use super::feet::is_supported;
 use super::latent::Decoder;
 use super::resolve::{Wishes, resolve};
+use crate::body_solver::is_supported;
 use crate::cue::{ActionType, Hand, ManipulationCue, Task};
 use crate::error::{Error, Result};
 use crate::math::planar::rotate;

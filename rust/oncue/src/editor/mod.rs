@@ -4,44 +4,28 @@
 //! Motion ──► window X ──► Ψ (encoder) ──► z, optimized ──► Ψ⁻¹ (decoder) ──► X ──► Motion
 //! ```
 //!
-//! [`window`] lays a motion out as X, [`kinematics`] places its joints and carries gradients back,
-//! [`manifold`] is the autoencoder, [`training`] makes one from a motion library.
-//!
-//! An edit asks for [`constraint`]s. [`latent`] searches the manifold for them; `finish` takes what is left. Who asks
-//! is [`seat`] (the action cue), [`manipulation`] (the hands' cues) and [`resolve`] (the artist); [`task`] is the editor's
-//! part of the main job, and [`plain_ik`] what it is compared with.
+//! An edit asks for [`constraint`]s. [`latent`] searches the [`crate::manifold`] for them; the [`crate::body_solver`] takes
+//! what is left. Who asks is [`seat`] (the action cue), [`manipulation`] (the hands' cues) and [`resolve`] (the artist);
+//! [`task`] is the editor's part of the main job, and [`plain_ik`] what it is compared with.
 
-mod augment;
-mod banded;
-mod checkpoint;
 pub mod constraint;
-mod degrees;
 pub mod edit;
-mod feet;
-mod finish;
-pub mod kinematics;
+mod foot_following;
 pub mod latent;
-mod linear_start;
-pub mod manifold;
 pub mod manipulation;
 pub mod plain_ik;
 pub mod resolve;
 pub mod seat;
-pub mod smoothness;
 pub mod task;
-mod touch;
-pub mod training;
-pub mod window;
 
 pub use constraint::{Constraint, check_constraints};
 pub use edit::{ConstraintFigures, EditFigures, Edited};
-pub use manifold::{DecoderWorkspace, Manifold};
 pub use manipulation::check_manipulations;
 pub use resolve::{Key, Wishes};
 pub use task::{EditedFigures, edit_for_task};
-pub use training::{Figures, ManifoldSettings, TrainingReport, train_manifold};
 
 use crate::error::Result;
+use crate::manifold::Manifold;
 use crate::motion::Motion;
 use crate::progress::Progress;
 use crate::settings::EditorSettings;

@@ -4,10 +4,9 @@
 //! was. Reach and return are blended between the motion and the first and last solved frame.
 
 use super::constraint::{Constraint, check_constraints};
-use super::degrees::Degrees;
 use super::edit::{EditFigures, Edited, constraint_figures, span};
-use super::finish::{Span, Term, correct};
 use super::latent::mix;
+use crate::body_solver::{Degrees, Span, Term, correct};
 use crate::error::Result;
 use crate::math::curve::smoothstep;
 use crate::motion::{Joint, Motion};

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::constraint::{Constraint, check_constraints, joint_named};
 use super::edit::{Edit, Edited};
 use super::latent::{Decoder, mix};
-use super::touch::Surfaces;
+use crate::body_solver::Surfaces;
 use crate::error::{Error, Result};
 use crate::motion::{Joint, Motion};
 use crate::progress::Progress;

@@ -10,10 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use super::constraint::Constraint;
 use super::edit::{Edit, EditFigures, Edited};
-use super::feet::FootPlan;
-use super::finish::{Span, correct};
 use super::latent::Decoder;
-use super::touch::Surfaces;
+use crate::body_solver::{FootPlan, Span, Surfaces, correct};
 use crate::cue::ActionCue;
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;

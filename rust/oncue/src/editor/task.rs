@@ -4,12 +4,12 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::Manifold;
 use super::edit::ConstraintFigures;
 use super::manipulation::{Manipulated, ManipulationFigures, manipulate};
 use super::seat::{Seat, SeatFigures, SeatFit};
 use crate::cue::{ActionType, Task};
 use crate::error::{Error, Result};
+use crate::manifold::Manifold;
 use crate::motion::Motion;
 use crate::progress::Progress;
 use crate::scene::SceneIndex;

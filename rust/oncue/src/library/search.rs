@@ -10,6 +10,7 @@
 use std::convert::Infallible;
 
 use crate::math::eigen::symmetric_eigen;
+use crate::simd::{Kernel, Level, Simd};
 
 /// Frames in a block.
 const BLOCK: usize = 16;
@@ -132,22 +133,7 @@ impl SearchIndex {
         if self.entries == 0 {
             return None;
         }
-        #[cfg(target_arch = "x86_64")]
-        if crate::simd::Level::current() >= crate::simd::Level::Avx2 {
-            // SAFETY: the processor has AVX2.
-            return Some(unsafe { self.nearest_avx2(query, hint) });
-        }
-        Some(self.nearest_portable(query, hint))
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    unsafe fn nearest_avx2(&self, query: &[f32], hint: Option<usize>) -> Match {
-        self.nearest_impl(query, hint)
-    }
-
-    fn nearest_portable(&self, query: &[f32], hint: Option<usize>) -> Match {
-        self.nearest_impl(query, hint)
+        Some(Level::current().run_in_eights(Nearest { index: self, query, hint }))
     }
 
     #[inline(always)]
@@ -243,6 +229,23 @@ impl SearchIndex {
                 *best = Match { entry, cost };
             }
         }
+    }
+}
+
+/// [`SearchIndex::nearest`] of an index that holds something.
+struct Nearest<'a> {
+    index: &'a SearchIndex,
+    query: &'a [f32],
+    hint: Option<usize>,
+}
+
+impl Kernel for Nearest<'_> {
+    type Output = Match;
+
+    /// The compiler lays the sums over blocks out in whatever vectors the level has.
+    #[inline(always)]
+    fn run<S: Simd>(self, _simd: S) -> Match {
+        self.index.nearest_impl(self.query, self.hint)
     }
 }
 
@@ -376,7 +379,7 @@ mod tests {
                 let (entry, cost) = brute_force(&y, &weights, &query);
                 let hint = (seed % 2 == 0).then_some(k);
                 let found = index.nearest(&query, hint).expect("not empty");
-                let portable = index.nearest_portable(&query, hint);
+                let portable = Level::Portable.run_in_eights(Nearest { index: &index, query: &query, hint });
                 prop_assert_eq!(found, portable);
                 // Two frames may tie to the last bit of f32; then either is exact.
                 let tolerance = 1e-3 * (1.0 + cost);

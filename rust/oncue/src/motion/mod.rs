@@ -2,6 +2,7 @@
 
 pub mod posture;
 pub mod skeleton;
+pub mod smoothness;
 
 pub use posture::{Pose, Posture};
 pub use skeleton::{BODY_BOXES, BoxNode, JOINT_COUNT, Joint, Limb};

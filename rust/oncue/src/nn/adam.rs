@@ -3,6 +3,8 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::simd::{Kernel, Level, Simd};
+
 const BETA1: f32 = 0.9;
 const BETA2: f32 = 0.999;
 const EPSILON: f32 = 1e-8;
@@ -27,44 +29,39 @@ impl Adam {
     pub fn step(&mut self, parameters: &mut [f32], gradient: &[f32], scale: f32) {
         self.step += 1;
         let rate = self.learning_rate * (1.0 - BETA2.powi(self.step)).sqrt() / (1.0 - BETA1.powi(self.step));
+        let level = Level::current();
         let moments = self.first.par_chunks_mut(SLICE).zip(self.second.par_chunks_mut(SLICE));
         parameters.par_chunks_mut(SLICE).zip(gradient.par_chunks(SLICE)).zip(moments).for_each(
             |((parameters, gradient), (first, second))| {
-                descend(parameters, gradient, first, second, rate, scale);
+                level.run_in_eights(Descent { parameters, gradient, first, second, rate, scale });
             },
         );
     }
 }
 
-fn descend(p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32], rate: f32, scale: f32) {
-    #[cfg(target_arch = "x86_64")]
-    if crate::simd::Level::current() >= crate::simd::Level::Avx2 {
-        // SAFETY: the processor has AVX2.
-        return unsafe { descend_avx2(p, g, first, second, rate, scale) };
-    }
-    descend_impl(p, g, first, second, rate, scale);
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-unsafe fn descend_avx2(
-    p: &mut [f32],
-    g: &[f32],
-    first: &mut [f32],
-    second: &mut [f32],
+/// One slice of [`Adam::step`].
+struct Descent<'a> {
+    parameters: &'a mut [f32],
+    gradient: &'a [f32],
+    first: &'a mut [f32],
+    second: &'a mut [f32],
     rate: f32,
     scale: f32,
-) {
-    descend_impl(p, g, first, second, rate, scale);
 }
 
-#[inline(always)]
-fn descend_impl(p: &mut [f32], g: &[f32], first: &mut [f32], second: &mut [f32], rate: f32, scale: f32) {
-    for (((p, &g), m), v) in p.iter_mut().zip(g).zip(first).zip(second) {
-        let g = g * scale;
-        *m = BETA1 * *m + (1.0 - BETA1) * g;
-        *v = BETA2 * *v + (1.0 - BETA2) * g * g;
-        *p -= rate * *m / (v.sqrt() + EPSILON);
+impl Kernel for Descent<'_> {
+    type Output = ();
+
+    /// The compiler lays these lines out in whatever vectors the level has.
+    #[inline(always)]
+    fn run<S: Simd>(self, _simd: S) {
+        let Self { parameters, gradient, first, second, rate, scale } = self;
+        for (((p, &g), m), v) in parameters.iter_mut().zip(gradient).zip(first).zip(second) {
+            let g = g * scale;
+            *m = BETA1 * *m + (1.0 - BETA1) * g;
+            *v = BETA2 * *v + (1.0 - BETA2) * g * g;
+            *p -= rate * *m / (v.sqrt() + EPSILON);
+        }
     }
 }
 

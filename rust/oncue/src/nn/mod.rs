@@ -10,7 +10,6 @@ pub mod matmul;
 pub mod mlp;
 mod product;
 mod samples;
-mod vector;
 
 pub use adam::Adam;
 pub use conv_stack::{ConvStack, ConvWorkspace};

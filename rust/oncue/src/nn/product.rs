@@ -5,10 +5,7 @@
 //! readable to the end of the last tile. Layers are arranged so that they are ([`super::samples`]).
 
 use super::matmul::View;
-#[cfg(target_arch = "x86_64")]
-use super::vector::{Avx2, Avx512};
-use super::vector::{Portable, Vector};
-use crate::simd::Level;
+use crate::simd::{Kernel, Level, Simd};
 
 /// Columns of the widest tile: rows of B and C are padded to a multiple of it.
 pub const TILE: usize = 32;
@@ -76,7 +73,6 @@ pub fn multiply(
     if let Finish::Passed(by) = finish {
         assert!(holds(a.rows, c.stride, by.len()));
     }
-    assert!(Level::available().any(|has| has == level));
     let depth = a.cols.max(1).div_ceil(DEPTH);
     for part in 0..depth {
         let (from, to) = (part * a.cols / depth, (part + 1) * a.cols / depth);
@@ -95,13 +91,11 @@ pub fn multiply(
             bias: bias.filter(|_| part == 0),
             finish: if part + 1 == depth { finish } else { Finish::Plain },
         };
-        // SAFETY: A, B, C and what `finish` holds were checked to reach as far as the tiles do, and the processor
-        // to have the level.
-        unsafe { call.run(level) };
+        level.run(call);
     }
 }
 
-/// One product, checked.
+/// One product. A, B, C and what `finish` holds were checked to reach as far as the tiles do.
 struct Call<'a> {
     rows: usize,
     columns: usize,
@@ -118,63 +112,52 @@ struct Call<'a> {
     finish: Finish<'a>,
 }
 
-/// The tiles of C at one level: its vector and how many rows of them fit the registers.
-macro_rules! tiles {
-    ($name:ident, $vector:ty, [$($rows:literal)*] $(, $feature:literal)?) => {
-        $(#[target_feature(enable = $feature)])?
-        unsafe fn $name(&self) {
-            let highest = [$($rows),*].len();
-            let count = self.rows.div_ceil(highest);
-            for column in (0..self.columns).step_by(2 * <$vector>::LANES) {
-                let mut row = 0;
-                for tile in 0..count {
-                    // As even as can be.
-                    let end = (tile + 1) * self.rows / count;
-                    match end - row {
-                        // SAFETY: see `multiply`.
-                        $($rows => unsafe { self.tile::<$vector, $rows>(row, column) },)*
-                        _ => {}
-                    }
-                    row = end;
+impl Kernel for Call<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let count = self.rows.div_ceil(S::TILE_ROWS);
+        for column in (0..self.columns).step_by(2 * S::LANES) {
+            let mut row = 0;
+            for tile in 0..count {
+                // As even as can be.
+                let end = (tile + 1) * self.rows / count;
+                macro_rules! tile_of {
+                    ($($rows:literal)*) => {
+                        match end - row {
+                            // SAFETY: the call was checked. Higher tiles than fit the registers are not even compiled.
+                            $($rows if $rows <= S::TILE_ROWS => unsafe { self.tile::<S, $rows>(simd, row, column) },)*
+                            _ => {}
+                        }
+                    };
                 }
+                tile_of!(1 2 3 4 5 6 7 8 9 10 11 12);
+                row = end;
             }
         }
-    };
+    }
 }
 
 impl Call<'_> {
-    unsafe fn run(&self, level: Level) {
-        // SAFETY: the processor has the level.
-        match level {
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => unsafe { self.avx512() },
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => unsafe { self.avx2() },
-            _ => unsafe { self.portable() },
-        }
-    }
-
-    tiles!(portable, Portable, [1 2 3 4]);
-    #[cfg(target_arch = "x86_64")]
-    tiles!(avx2, Avx2, [1 2 3 4 5 6], "avx2,fma");
-    #[cfg(target_arch = "x86_64")]
-    tiles!(avx512, Avx512, [1 2 3 4 5 6 7 8 9 10 11 12], "avx512f");
-
     /// `ROWS` × two vectors of C.
+    ///
+    /// # Safety
+    /// What the call points at must reach as far as the tile does.
     #[inline(always)]
-    unsafe fn tile<V: Vector, const ROWS: usize>(&self, row: usize, column: usize) {
+    unsafe fn tile<S: Simd, const ROWS: usize>(&self, s: S, row: usize, column: usize) {
         // SAFETY: see `multiply`.
         unsafe {
             let c = self.c.add(row * self.c_row + column);
-            let mut sums = [[V::splat(0.0); 2]; ROWS];
+            let mut sums = [[s.splat(0.0); 2]; ROWS];
             for r in 0..ROWS {
                 let at = c.add(r * self.c_row);
                 if let Some(bias) = self.bias {
-                    sums[r] = [V::splat(*bias.get_unchecked(row + r)); 2];
+                    sums[r] = [s.splat(*bias.get_unchecked(row + r)); 2];
                 }
                 if self.kept {
-                    sums[r][0] = sums[r][0].add(V::load(at));
-                    sums[r][1] = sums[r][1].add(V::load(at.add(V::LANES)));
+                    sums[r][0] = s.add(sums[r][0], s.load_from(at));
+                    sums[r][1] = s.add(sums[r][1], s.load_from(at.add(S::LANES)));
                 }
             }
             // Three rows a pointer: an x86 address has room for 0, 1 and 2 strides beside it.
@@ -184,11 +167,11 @@ impl Call<'_> {
             }
             let mut b = self.b.add(column);
             for _ in 0..self.depth {
-                let (b0, b1) = (V::load(b), V::load(b.add(V::LANES)));
+                let (b0, b1) = (s.load_from(b), s.load_from(b.add(S::LANES)));
                 for r in 0..ROWS {
-                    let a = V::splat(*a[r / 3].add(r % 3 * self.a_row));
-                    sums[r][0] = sums[r][0].add_product(a, b0);
-                    sums[r][1] = sums[r][1].add_product(a, b1);
+                    let a = s.splat(*a[r / 3].add(r % 3 * self.a_row));
+                    sums[r][0] = s.add_product(sums[r][0], a, b0);
+                    sums[r][1] = s.add_product(sums[r][1], a, b1);
                 }
                 for i in 0..HIGHEST / 3 {
                     a[i] = a[i].wrapping_add(self.a_column);
@@ -199,74 +182,68 @@ impl Call<'_> {
                 Finish::Plain => {}
                 Finish::Relu => {
                     for r in 0..ROWS {
-                        sums[r] = [sums[r][0].relu(), sums[r][1].relu()];
+                        sums[r] = sums[r].map(|sum| s.where_positive(sum, sum));
                     }
                 }
                 Finish::Passed(by) => {
                     let by = by.as_ptr().add(row * self.c_row + column);
                     for r in 0..ROWS {
                         let by = by.add(r * self.c_row);
-                        sums[r][0] = sums[r][0].where_positive(V::load(by));
-                        sums[r][1] = sums[r][1].where_positive(V::load(by.add(V::LANES)));
+                        sums[r][0] = s.where_positive(sums[r][0], s.load_from(by));
+                        sums[r][1] = s.where_positive(sums[r][1], s.load_from(by.add(S::LANES)));
                     }
                 }
             }
             for r in 0..ROWS {
                 let at = c.add(r * self.c_row);
-                sums[r][0].store(at);
-                sums[r][1].store(at.add(V::LANES));
+                s.store_to(sums[r][0], at);
+                s.store_to(sums[r][1], at.add(S::LANES));
             }
         }
     }
 }
 
 /// `out[i] += rows[i] · x`, `rows` dense, at a level that the processor has.
+///
+/// # Panics
+/// When the shapes do not fit; they are fixed by the code, never by input.
 pub fn add_row_products(level: Level, rows: &[f32], x: &[f32], out: &mut [f32]) {
-    assert!(rows.len() == x.len() * out.len() && Level::available().any(|has| has == level));
-    // SAFETY: the processor has the level.
-    match level {
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx512 => unsafe { row_products_avx512(rows, x, out) },
-        #[cfg(target_arch = "x86_64")]
-        Level::Avx2 => unsafe { row_products_avx2(rows, x, out) },
-        _ => row_products::<Portable>(rows, x, out),
-    }
+    assert!(rows.len() == x.len() * out.len());
+    level.run(RowProducts { rows, x, out });
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f")]
-unsafe fn row_products_avx512(rows: &[f32], x: &[f32], out: &mut [f32]) {
-    row_products::<Avx512>(rows, x, out);
+struct RowProducts<'a> {
+    rows: &'a [f32],
+    x: &'a [f32],
+    out: &'a mut [f32],
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma")]
-unsafe fn row_products_avx2(rows: &[f32], x: &[f32], out: &mut [f32]) {
-    row_products::<Avx2>(rows, x, out);
-}
+impl Kernel for RowProducts<'_> {
+    type Output = ();
 
-#[inline(always)]
-fn row_products<V: Vector>(rows: &[f32], x: &[f32], out: &mut [f32]) {
-    let whole = x.len() / V::LANES * V::LANES;
-    for (row, out) in rows.chunks_exact(x.len().max(1)).zip(out) {
-        // Several sums, so that one product need not wait for the one before.
-        let mut sums = [V::splat(0.0); 4];
-        for k in (0..whole).step_by(V::LANES) {
-            let sum = k / V::LANES % 4;
-            // SAFETY: both hold LANES numbers from k on.
-            let (a, b) = unsafe { (V::load(row.as_ptr().add(k)), V::load(x.as_ptr().add(k))) };
-            sums[sum] = sums[sum].add_product(a, b);
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) {
+        let Self { rows, x, out } = self;
+        let whole = x.len() / S::LANES * S::LANES;
+        for (row, out) in rows.chunks_exact(x.len().max(1)).zip(out) {
+            // Several sums, so that one product need not wait for the one before.
+            let mut sums = [s.splat(0.0); 4];
+            for k in (0..whole).step_by(S::LANES) {
+                let sum = k / S::LANES % 4;
+                // SAFETY: both hold LANES numbers from k on.
+                let (a, b) = unsafe { (s.load_from(row.as_ptr().add(k)), s.load_from(x.as_ptr().add(k))) };
+                sums[sum] = s.add_product(sums[sum], a, b);
+            }
+            let mut lanes = [0.0; WIDEST];
+            s.store(s.add(s.add(sums[0], sums[1]), s.add(sums[2], sums[3])), &mut lanes);
+            let mut sum = 0.0;
+            for lane in &lanes[..S::LANES] {
+                sum += lane;
+            }
+            for k in whole..x.len() {
+                sum += row[k] * x[k];
+            }
+            *out += sum;
         }
-        let mut lanes = [0.0; WIDEST];
-        // SAFETY: no vector has more lanes than WIDEST.
-        unsafe { sums[0].add(sums[1]).add(sums[2].add(sums[3])).store(lanes.as_mut_ptr()) };
-        let mut sum = 0.0;
-        for lane in &lanes[..V::LANES] {
-            sum += lane;
-        }
-        for k in whole..x.len() {
-            sum += row[k] * x[k];
-        }
-        *out += sum;
     }
 }

@@ -7,8 +7,8 @@
 
 use glam::{Mat3, Quat, Vec3};
 
-use super::lanes::{Lanes, splat};
 use crate::motion::BoxNode;
+use crate::simd::Simd;
 
 /// Eight triangles side by side: corner 0 x, y, z, then corners 1 and 2. Unused lanes hold NaN.
 #[derive(Debug, Clone)]
@@ -151,33 +151,34 @@ pub fn edges_of(by_edge: &[u32; 12], lane: usize) -> u32 {
 
 /// The triangles of a block that may cross an edge of the box (bit i for triangle i), and the same edge by edge. Never
 /// misses one that [`crossings`] counts.
+///
+/// `S` has eight lanes.
 #[inline(always)]
-pub fn candidates<L: Lanes>(placed: &OrientedBox, block: &TriangleBlock) -> (u32, [u32; 12]) {
+pub fn candidates<S: Simd>(s: S, placed: &OrientedBox, block: &TriangleBlock) -> (u32, [u32; 12]) {
     let half = placed.half_extents.to_array();
-    let center = splat::<L>(placed.center);
-    let axes: [[L; 3]; 3] = [splat(placed.axes.x_axis), splat(placed.axes.y_axis), splat(placed.axes.z_axis)];
+    let center = splat(s, placed.center);
+    let axes = [splat(s, placed.axes.x_axis), splat(s, placed.axes.y_axis), splat(s, placed.axes.z_axis)];
     // v[corner][axis], in the box's frame, by the same operations as `to_local`.
-    let mut v = [[L::splat(0.0); 3]; 3];
+    let mut v = [[s.splat(0.0); 3]; 3];
     for corner in 0..3 {
-        let x = L::load(&block.corners[3 * corner]).sub(center[0]);
-        let y = L::load(&block.corners[3 * corner + 1]).sub(center[1]);
-        let z = L::load(&block.corners[3 * corner + 2]).sub(center[2]);
+        let x = s.sub(s.load(&block.corners[3 * corner]), center[0]);
+        let y = s.sub(s.load(&block.corners[3 * corner + 1]), center[1]);
+        let z = s.sub(s.load(&block.corners[3 * corner + 2]), center[2]);
         for axis in 0..3 {
-            let a = &axes[axis];
-            v[corner][axis] = x.mul(a[0]).add(y.mul(a[1])).add(z.mul(a[2]));
+            v[corner][axis] = dot(s, [x, y, z], axes[axis]);
         }
     }
     // An edge lies on two of the face planes: a triangle has to reach two of them, and the third pair's inside.
     let (mut near, mut one, mut two) = (0xff, 0, 0);
     for axis in 0..3 {
         let (a, b, c) = (v[0][axis], v[1][axis], v[2][axis]);
-        let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+        let (low, high) = (s.min(s.min(a, b), c), s.max(s.max(a, b), c));
         // Wider than the box by far more than rounding moves a crossing.
         let slack = half[axis] * 1e-4 + 1e-5;
         let (outer, inner) = (half[axis] + slack, half[axis] - slack);
-        let inside = low.le(L::splat(outer)) & L::splat(-outer).le(high);
+        let inside = s.le(low, s.splat(outer)) & s.le(s.splat(-outer), high);
         near &= inside;
-        let plane = inside & (L::splat(inner).le(high) | low.le(L::splat(-inner)));
+        let plane = inside & (s.le(s.splat(inner), high) | s.le(low, s.splat(-inner)));
         two |= one & plane;
         one |= plane;
     }
@@ -187,28 +188,41 @@ pub fn candidates<L: Lanes>(placed: &OrientedBox, block: &TriangleBlock) -> (u32
         return (0, by_edge);
     }
     let mut found = 0;
-    let zero = L::splat(0.0);
+    let zero = s.splat(0.0);
     // d[sign][corner][axis]: triangle corners as seen from the box's faces.
     let mut d = [v; 2];
     for corner in 0..3 {
         for axis in 0..3 {
-            let h = L::splat(half[axis]);
-            d[0][corner][axis] = v[corner][axis].sub(zero.sub(h));
-            d[1][corner][axis] = v[corner][axis].sub(h);
+            let h = s.splat(half[axis]);
+            d[0][corner][axis] = s.sub(v[corner][axis], s.sub(zero, h));
+            d[1][corner][axis] = s.sub(v[corner][axis], h);
         }
     }
     for axis in 0..3 {
-        let (s, t) = ((axis + 1) % 3, (axis + 2) % 3);
+        let (p, q) = ((axis + 1) % 3, (axis + 2) % 3);
         for corner in 0..4 {
-            let (ds, dt) = (&d[corner & 1], &d[corner >> 1]);
+            let (dp, dq) = (&d[corner & 1], &d[corner >> 1]);
             // Twice the signed areas of the triangles (edge, corner, next corner).
-            let e0 = ds[1][s].mul(dt[2][t]).sub(dt[1][t].mul(ds[2][s]));
-            let e1 = ds[2][s].mul(dt[0][t]).sub(dt[2][t].mul(ds[0][s]));
-            let e2 = ds[0][s].mul(dt[1][t]).sub(dt[0][t].mul(ds[1][s]));
-            let lanes = near & (zero.le(e0.min(e1).min(e2)) | e0.max(e1).max(e2).le(zero));
+            let e0 = s.sub(s.mul(dp[1][p], dq[2][q]), s.mul(dq[1][q], dp[2][p]));
+            let e1 = s.sub(s.mul(dp[2][p], dq[0][q]), s.mul(dq[2][q], dp[0][p]));
+            let e2 = s.sub(s.mul(dp[0][p], dq[1][q]), s.mul(dq[0][q], dp[1][p]));
+            let (low, high) = (s.min(s.min(e0, e1), e2), s.max(s.max(e0, e1), e2));
+            let lanes = near & (s.le(zero, low) | s.le(high, zero));
             by_edge[4 * axis + corner] = lanes;
             found |= lanes;
         }
     }
     (found, by_edge)
+}
+
+/// A vector's parts, each in all lanes.
+#[inline(always)]
+pub fn splat<S: Simd>(s: S, v: Vec3) -> [S::F32; 3] {
+    [s.splat(v.x), s.splat(v.y), s.splat(v.z)]
+}
+
+/// The scalar product, lane by lane. No fused product: every level gives the same bits.
+#[inline(always)]
+pub fn dot<S: Simd>(s: S, a: [S::F32; 3], b: [S::F32; 3]) -> S::F32 {
+    s.add(s.add(s.mul(a[0], b[0]), s.mul(a[1], b[1])), s.mul(a[2], b[2]))
 }

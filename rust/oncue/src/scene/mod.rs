@@ -9,7 +9,6 @@ mod clear_path;
 mod distance_field;
 mod eikonal;
 mod floor;
-mod lanes;
 mod mesh;
 mod occupancy;
 mod polygon;

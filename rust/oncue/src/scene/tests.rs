@@ -11,6 +11,7 @@ use crate::error::Error;
 use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::{Limb, SEATED_HIPS_HEIGHT};
 use crate::motion::{Joint, Posture};
+use crate::simd::Level;
 
 /// A mesh made of boxes and sheets.
 #[derive(Default, Clone)]
@@ -162,7 +163,7 @@ proptest! {
             for above in [f32::NEG_INFINITY, above] {
                 let expected: u32 = soup.iter().map(|t| crossings(placed, t, ALL_EDGES, above).count_ones()).sum();
                 prop_assert_eq!(tree.count(placed, above, &mut scratch), expected);
-                prop_assert_eq!(tree.count_portable(placed, above, &mut scratch), expected);
+                prop_assert_eq!(tree.count_at(Level::Portable, placed, above, &mut scratch), expected);
             }
         }
     }
@@ -660,7 +661,7 @@ fn chunks_and_cut_triangles_lose_and_double_nothing() {
             corners.iter().map(|t| crossings(&placed, t, ALL_EDGES, f32::NEG_INFINITY).count_ones()).sum();
         assert_eq!(one.intersection_count(&node, place, turn), expected);
         assert_eq!(two.intersection_count(&node, place, turn), expected);
-        assert_eq!(two.tree.count_portable(&placed, f32::NEG_INFINITY, &mut scratch), expected);
+        assert_eq!(two.tree.count_at(Level::Portable, &placed, f32::NEG_INFINITY, &mut scratch), expected);
         ruled_out += u32::from(one.is_clear(&placed, one.field.steps_at(placed.center), f32::NEG_INFINITY));
         total += expected;
     }

@@ -10,12 +10,12 @@ use glam::Vec3;
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
-use super::box_edges::{OrientedBox, TriangleBlock, candidates, crossings, edges_of};
-use super::lanes::{Lanes, Portable, has_avx2, splat};
+use super::box_edges::{OrientedBox, TriangleBlock, candidates, crossings, dot, edges_of, splat};
 use super::tree_nodes::{BLOCK, Builder, NO_CHILD, Node, Part, fold};
 use super::tree_references::{halve, references};
 use crate::error::Result;
 use crate::progress::Progress;
+use crate::simd::{Kernel, Level, Simd};
 
 /// The tree. `nodes[0]` is the root.
 #[derive(Debug, Clone)]
@@ -78,29 +78,17 @@ impl TriangleTree {
 
     /// ρ(b, W) of LAMA, eq. 4, for one placed box: how often its 12 edges cross a triangle at world z >= `above`.
     pub fn count(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
-        #[cfg(target_arch = "x86_64")]
-        if has_avx2() {
-            // SAFETY: the processor has AVX2.
-            return unsafe { self.count_avx2(placed, above, scratch) };
-        }
-        self.count_with::<Portable>(placed, above, scratch)
+        self.count_at(Level::current(), placed, above, scratch)
     }
 
-    /// [`TriangleTree::count`] as it runs on processors without AVX2.
-    #[cfg(test)]
-    pub fn count_portable(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
-        self.count_with::<Portable>(placed, above, scratch)
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn count_avx2(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
-        self.count_with::<super::lanes::Avx>(placed, above, scratch)
+    /// [`TriangleTree::count`] at a level that the processor has.
+    pub fn count_at(&self, level: Level, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
+        level.run_in_eights(Count { tree: self, placed, above, scratch })
     }
 
     #[inline(always)]
-    fn count_with<L: Lanes>(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
-        let test = NodeTest::<L>::new(placed);
+    fn count_with<S: Simd>(&self, s: S, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
+        let test = NodeTest::new(s, placed);
         let mut count = 0;
         scratch.seen.clear();
         scratch.stack.clear();
@@ -108,7 +96,7 @@ impl TriangleTree {
         while let Some(next) = scratch.stack.pop() {
             if next & BLOCK == 0 {
                 let node = &self.nodes[next as usize];
-                let mut hit = test.overlaps(node);
+                let mut hit = test.overlaps(s, node);
                 while hit != 0 {
                     scratch.stack.push(node.child[hit.trailing_zeros() as usize]);
                     hit &= hit - 1;
@@ -116,7 +104,7 @@ impl TriangleTree {
                 continue;
             }
             let block = &self.blocks[(next & !BLOCK) as usize];
-            let (mut found, by_edge) = candidates::<L>(placed, block);
+            let (mut found, by_edge) = candidates(s, placed, block);
             while found != 0 {
                 let lane = found.trailing_zeros() as usize;
                 found &= found - 1;
@@ -214,37 +202,54 @@ impl TriangleTree {
     }
 }
 
-/// The test of a placed box's edges against a node's boxes, prepared once a query.
-struct NodeTest<L> {
-    center: [L; 3],
-    world_half: [L; 3],
-    axes: [[L; 3]; 3],
-    half: [L; 3],
+/// [`TriangleTree::count`].
+struct Count<'a> {
+    tree: &'a TriangleTree,
+    placed: &'a OrientedBox,
+    above: f32,
+    scratch: &'a mut Scratch,
 }
 
-impl<L: Lanes> NodeTest<L> {
+impl Kernel for Count<'_> {
+    type Output = u32;
+
     #[inline(always)]
-    fn new(placed: &OrientedBox) -> Self {
+    fn run<S: Simd>(self, simd: S) -> u32 {
+        self.tree.count_with(simd, self.placed, self.above, self.scratch)
+    }
+}
+
+/// The test of a placed box's edges against a node's boxes, prepared once a query. `S` has eight lanes.
+struct NodeTest<S: Simd> {
+    center: [S::F32; 3],
+    world_half: [S::F32; 3],
+    axes: [[S::F32; 3]; 3],
+    half: [S::F32; 3],
+}
+
+impl<S: Simd> NodeTest<S> {
+    #[inline(always)]
+    fn new(s: S, placed: &OrientedBox) -> Self {
         Self {
-            center: splat(placed.center),
-            world_half: splat(placed.world_half_extents),
-            axes: [splat(placed.axes.x_axis), splat(placed.axes.y_axis), splat(placed.axes.z_axis)],
-            half: splat(placed.half_extents),
+            center: splat(s, placed.center),
+            world_half: splat(s, placed.world_half_extents),
+            axes: [splat(s, placed.axes.x_axis), splat(s, placed.axes.y_axis), splat(s, placed.axes.z_axis)],
+            half: splat(s, placed.half_extents),
         }
     }
 
     /// Bit i: child i may touch an edge of the box.
     #[inline(always)]
-    fn overlaps(&self, node: &Node) -> u32 {
-        let half = [L::load(&node.half[0]), L::load(&node.half[1]), L::load(&node.half[2])];
+    fn overlaps(&self, s: S, node: &Node) -> u32 {
+        let half = [s.load(&node.half[0]), s.load(&node.half[1]), s.load(&node.half[2])];
         let apart = [
-            L::load(&node.center[0]).sub(self.center[0]),
-            L::load(&node.center[1]).sub(self.center[1]),
-            L::load(&node.center[2]).sub(self.center[2]),
+            s.sub(s.load(&node.center[0]), self.center[0]),
+            s.sub(s.load(&node.center[1]), self.center[1]),
+            s.sub(s.load(&node.center[2]), self.center[2]),
         ];
         let mut bits = 0xff;
         for i in 0..3 {
-            bits &= apart[i].abs().le(half[i].add(self.world_half[i]));
+            bits &= s.le(s.abs(apart[i]), s.add(half[i], self.world_half[i]));
         }
         if bits == 0 {
             return 0;
@@ -253,13 +258,12 @@ impl<L: Lanes> NodeTest<L> {
         // inside the box does, crosses none.
         let (mut one, mut two) = (0, 0);
         for i in 0..3 {
-            let (axis, own) = (&self.axes[i], self.half[i]);
-            let along = apart[0].mul(axis[0]).add(apart[1].mul(axis[1])).add(apart[2].mul(axis[2])).abs();
-            let reach =
-                half[0].mul(axis[0].abs()).add(half[1].mul(axis[1].abs())).add(half[2].mul(axis[2].abs()));
-            let beyond = along.sub(own);
-            bits &= beyond.le(reach);
-            let plane = beyond.abs().le(reach);
+            let (axis, own) = (self.axes[i], self.half[i]);
+            let along = s.abs(dot(s, apart, axis));
+            let reach = dot(s, half, [s.abs(axis[0]), s.abs(axis[1]), s.abs(axis[2])]);
+            let beyond = s.sub(along, own);
+            bits &= s.le(beyond, reach);
+            let plane = s.le(s.abs(beyond), reach);
             two |= one & plane;
             one |= plane;
         }

@@ -11,15 +11,13 @@ use std::sync::LazyLock;
 use glam::{Quat, Vec2, Vec3};
 
 use super::curve::{Spline, ease, minimum_jerk, mix};
-use super::plan::{Foothold, Plan, Step};
+use super::plan::{BALL, Foothold, Plan, Step, ball_of};
 use crate::math::planar::rotate;
 use crate::motion::Joint;
 use crate::motion::skeleton::{HEEL_LENGTH, JOINT_OFFSET, TOE_HEIGHT, TOE_LENGTH};
 
 /// Metres between the middles of the feet as one passes the other.
 const ROOM: f32 = 0.125;
-/// From the ankle to the ball of the foot along the sole, metres.
-const BALL: f32 = -JOINT_OFFSET[Joint::LeftToe.index()].y;
 const HEEL_TO_BALL: f32 = HEEL_LENGTH + BALL;
 
 /// Heel rise: time as a share of rise → lift, pitch in degrees (toe up positive) for forward, level and backward steps.
@@ -94,11 +92,6 @@ impl FootSample {
     pub fn ankle(&self) -> Vec3 {
         self.ball - self.rotation() * JOINT_OFFSET[Joint::LeftToe.index()]
     }
-}
-
-/// The Toe joint of a flat foot on `hold`.
-pub fn ball_of(hold: &Foothold) -> Vec2 {
-    hold.ankle + hold.forward() * BALL
 }
 
 /// Height of the Toe joint over its stance when a foot pitched toe up rests on its heel, and the slope.

@@ -7,15 +7,21 @@
 use glam::Vec2;
 
 use super::curve::{ease, mix};
-use super::foot::ball_of;
 use super::style::Style;
 use crate::math::planar::rotate;
+use crate::motion::Joint;
+use crate::motion::skeleton::JOINT_OFFSET;
 
 /// Where a foot stands: its ankle's projection on the floor, and its yaw (not wrapped).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Foothold {
     pub ankle: Vec2,
     pub yaw: f32,
+}
+
+/// The Toe joint of a flat foot on `hold`.
+pub fn ball_of(hold: &Foothold) -> Vec2 {
+    hold.ankle + hold.forward() * BALL
 }
 
 impl Foothold {
@@ -122,6 +128,8 @@ impl Plan {
 pub const STANDING_WIDTH: f32 = 0.17;
 /// Metres between the ankles while walking.
 pub const WALKING_WIDTH: f32 = 0.115;
+/// From the ankle to the ball of the foot along the sole, metres.
+pub const BALL: f32 = -JOINT_OFFSET[Joint::LeftToe.index()].y;
 const TOE_OUT: f32 = 0.11;
 /// The longest swing of a small step: seconds, and for each metre that the ball of the foot moves.
 const SHORTEST_SWING: f32 = 0.23;

@@ -158,8 +158,8 @@ fn gram_schmidt_backward(v: &[f32], m: &Mat3, d: &Mat3, out: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::editor::window::tests::random_motion;
-    use crate::editor::window::{from_motion, to_motion};
+    use crate::manifold::window::tests::random_motion;
+    use crate::manifold::window::{from_motion, to_motion};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg32;
 

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::feet::is_supported;
-use super::finish::Term;
+use super::term::Term;
 use crate::library::foot::LEGS;
 use crate::motion::skeleton::LEG_LENGTH;
 use crate::motion::{Joint, Pose, Posture};

@@ -4,9 +4,7 @@ use std::ops::Range;
 
 use glam::{Quat, Vec3};
 
-use super::constraint::Constraint;
-use super::finish::Term;
-use super::latent::FootPlaces;
+use super::term::Term;
 use crate::library::foot::LEGS;
 use crate::motion::skeleton::{ANKLE_HEIGHT, HEEL_LENGTH, TOE_HEIGHT, TOE_LENGTH};
 use crate::motion::{Joint, Motion, Pose};
@@ -24,16 +22,15 @@ pub struct Foot {
     pub sigma: f32,
 }
 
+/// Where foot and toe of each side are to stay on one frame: left ankle, left toe, right ankle, right toe; world, metres.
+pub type FootPlaces = [Vec3; 4];
+
 /// Both feet of every frame of a motion.
 #[derive(Debug, Clone)]
 pub struct FootPlan {
     pub feet: Vec<[Foot; 2]>,
 }
 
-/// A planted foot that has to be farther elsewhere than this steps there, metres.
-const STEPS: f32 = 0.004;
-/// How high such a step lifts the foot, as a share of its way.
-const STEP_LIFT: f32 = 0.25;
 /// σ of a planted toe, metres: a tenth of what the eye sees slide.
 const LOCKED: f32 = 2e-4;
 
@@ -60,42 +57,6 @@ impl FootPlan {
             })
             .collect();
         Self { feet }
-    }
-
-    /// Gives way to constraints that ask for a foot to be elsewhere: around them the foot steps there and back, as `fade`
-    /// (0 to 1 over the frames of `span`) has it.
-    pub fn follow(&mut self, constraints: &[Constraint], span: &Range<usize>, fade: impl Fn(usize) -> f32) {
-        for (side, leg) in LEGS.iter().enumerate() {
-            for c in constraints.iter().filter(|c| !c.soft && leg[1..].contains(&c.joint)) {
-                let frames = c.frames();
-                for frame in span.clone() {
-                    let near = frame.clamp(frames.start, frames.end - 1);
-                    let own = &self.feet[near][side];
-                    let place = if c.joint == leg[3] { own.toe } else { own.ankle };
-                    // A pinned shin says nothing of the foot's place, but frees it.
-                    let away = match c.position(near) {
-                        Some(target) if c.joint != leg[1] => target - place,
-                        _ => Vec3::ZERO,
-                    };
-                    let inside = frames.contains(&frame);
-                    let weight = if inside { 1.0 } else { fade(frame) };
-                    let foot = &mut self.feet[frame][side];
-                    if inside {
-                        foot.planted = false;
-                        foot.sigma = 0.3;
-                        continue;
-                    }
-                    if away.length() > STEPS && weight > 0.0 && weight < 1.0 {
-                        foot.planted = false;
-                        foot.sigma = foot.sigma.max(0.02);
-                    }
-                    let lift = STEP_LIFT * away.truncate().length() * 4.0 * weight * (1.0 - weight);
-                    let moved = away * weight + Vec3::Z * lift;
-                    foot.ankle += moved;
-                    foot.toe += moved;
-                }
-            }
-        }
     }
 
     /// For the search along the manifold.

@@ -1,5 +1,7 @@
 //! Symmetric positive definite systems with a band: Cholesky's factors and the solution, in double precision.
 
+use crate::simd::{Kernel, Level, Simd};
+
 /// The lower band of a symmetric matrix: row i holds columns `i - band ..= i`.
 #[derive(Debug, Clone)]
 pub struct BandedMatrix {
@@ -33,19 +35,7 @@ impl BandedMatrix {
     /// Replaces the matrix by its lower factor L, A = L·Lᵀ. `false` where A is not positive definite.
     #[must_use]
     pub fn factorize(&mut self) -> bool {
-        #[cfg(target_arch = "x86_64")]
-        if crate::simd::Level::current() >= crate::simd::Level::Avx2 {
-            // SAFETY: the processor has what the function is compiled for.
-            return unsafe { self.factorize_avx2() };
-        }
-        self.factorize_here()
-    }
-
-    /// The same operations in the same order, four numbers at a time.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn factorize_avx2(&mut self) -> bool {
-        self.factorize_here()
+        Level::current().run_in_eights(Factorization(self))
     }
 
     #[inline(always)]
@@ -88,6 +78,18 @@ impl BandedMatrix {
                 *x -= value * l;
             }
         }
+    }
+}
+
+/// [`BandedMatrix::factorize`]: the same operations in the same order at every level.
+struct Factorization<'a>(&'a mut BandedMatrix);
+
+impl Kernel for Factorization<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _simd: S) -> bool {
+        self.0.factorize_here()
     }
 }
 

@@ -12,8 +12,8 @@
 
 use rayon::prelude::*;
 
-use super::manifold::{LAYERS, Manifold};
-use super::training::ManifoldSettings;
+use super::autoencoder::{LAYERS, Manifold};
+use super::settings::ManifoldSettings;
 use super::window::{CONTACTS, FEATURES, HEIGHT, ROTATIONS, STEP, rotation_range};
 use crate::error::Result;
 use crate::math::eigen::symmetric_eigen;
@@ -177,9 +177,9 @@ fn metric(std: &[f32], settings: &ManifoldSettings) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::editor::DecoderWorkspace;
-    use crate::editor::window::tests::random_motion;
-    use crate::editor::window::{WINDOW, from_motion};
+    use crate::manifold::DecoderWorkspace;
+    use crate::manifold::window::tests::random_motion;
+    use crate::manifold::window::{WINDOW, from_motion};
 
     #[test]
     fn motion_of_few_dimensions_comes_back_whole() {

@@ -12,7 +12,7 @@ use rand::SeedableRng;
 use rand_pcg::Pcg32;
 use serde::{Deserialize, Serialize};
 
-use super::training::TrainingReport;
+use super::report::TrainingReport;
 use super::window::{FEATURES, WINDOW};
 use crate::data_file::{FileKind, write_whole};
 use crate::error::{Error, Result};
@@ -328,9 +328,9 @@ fn gather_windows(coarse: &[f32], windows: usize, channels: usize, z: &mut [f32]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::editor::kinematics::{Kinematics, RootPath};
-    use crate::editor::window::from_motion;
-    use crate::editor::window::tests::random_motion;
+    use crate::manifold::kinematics::{Kinematics, RootPath};
+    use crate::manifold::window::from_motion;
+    use crate::manifold::window::tests::random_motion;
     use crate::motion::{JOINT_COUNT, Motion};
 
     fn manifold() -> Manifold {

@@ -1,0 +1,17 @@
+//! The finishing pass: one smooth, damped correction of a span of postures towards what they are to meet.
+//!
+//! `degrees` is what a body can do, `term` what a frame should meet, `finish` the least-squares problem over the span, solved
+//! with a `banded` factorization. `feet` says what holds the feet, `touch` what carries a seated body.
+
+mod banded;
+mod degrees;
+mod feet;
+mod finish;
+mod term;
+mod touch;
+
+pub use degrees::Degrees;
+pub use feet::{FootPlaces, FootPlan, is_supported};
+pub use finish::{SPREAD, Span, correct};
+pub use term::{Term, centre_of_mass};
+pub use touch::Surfaces;

@@ -1,0 +1,22 @@
+//! The motion manifold: Ψ and Ψ⁻¹ over windows X (LAMA, section 3.6; supplementary).
+//!
+//! [`window`] lays a motion out as X, [`kinematics`] places its joints and carries gradients back, [`autoencoder`] is Ψ
+//! and Ψ⁻¹ with their file, [`training`] makes one from a motion library: on `training_windows`, changed by `augment`, down
+//! the gradient of `loss`, from where `linear_start` begins, with a `checkpoint` after each epoch.
+
+mod augment;
+pub mod autoencoder;
+mod checkpoint;
+pub mod kinematics;
+mod linear_start;
+mod loss;
+pub mod report;
+pub mod settings;
+pub mod training;
+mod training_windows;
+pub mod window;
+
+pub use autoencoder::{DecoderWorkspace, Manifold};
+pub use report::{ManifoldEpoch, ReconstructionFigures, TrainingReport};
+pub use settings::ManifoldSettings;
+pub use training::train_manifold;
