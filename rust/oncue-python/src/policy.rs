@@ -4,14 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use oncue::controller::{
-    Environment, KeptPolicy, PolicyOrigin, RobustnessSettings, optimize_policy as optimize,
+    Environment, PolicyOrigin, RobustnessSettings, StoredPolicy, optimize_policy as optimize,
     robustness as play_everywhere,
 };
 use oncue::{Error, Settings, Task};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::error::to_python;
 use crate::job::{self, Job};
 use crate::json;
 use crate::library::Library;
@@ -20,11 +19,11 @@ use crate::scene::SceneIndex;
 /// An action controller that was optimized before. Immutable.
 #[pyclass(frozen, module = "oncue_core")]
 pub struct Policy {
-    pub inner: Arc<KeptPolicy>,
+    pub inner: Arc<StoredPolicy>,
 }
 
 impl Policy {
-    pub fn new(policy: KeptPolicy) -> Self {
+    pub fn new(policy: StoredPolicy) -> Self {
         Self { inner: Arc::new(policy) }
     }
 }
@@ -33,19 +32,14 @@ impl Policy {
 impl Policy {
     /// The policy that ships with Oncue.
     #[staticmethod]
-    fn prior() -> PyResult<Self> {
-        let damaged = || {
-            to_python(
-                Error::input("The policy that ships with Oncue is damaged; install Oncue again.").into(),
-            )
-        };
-        KeptPolicy::prior().cloned().map(Self::new).ok_or_else(damaged)
+    fn prior(py: Python<'_>) -> PyResult<Self> {
+        job::run(py, || StoredPolicy::prior().cloned()).map(Self::new)
     }
 
     /// Reads a policy file.
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        job::run(py, || KeptPolicy::read(&path)).map(Self::new)
+        job::run(py, || StoredPolicy::read(&path)).map(Self::new)
     }
 
     /// Writes the policy file; an earlier one stays as it was until the new one is whole.
@@ -89,8 +83,10 @@ pub fn optimize_policy(
     Job::start(
         move |progress| {
             let database = database.get(&library, &settings.synthesizer.weights, progress)?;
-            let environments: Vec<Environment> =
-                tasks.iter().map(|task| Environment::new(&scene, &database, task, &settings)).collect();
+            let environments: Vec<Environment> = tasks
+                .iter()
+                .map(|task| Environment::new(&scene, &database, task, &settings))
+                .collect::<oncue::Result<_>>()?;
             progress.stage("Optimizing");
             let begin = start.as_ref().filter(|p| p.fits(&settings));
             let optimized = optimize(&environments, begin.map(|p| p.policy.clone()), seed, progress)?;
@@ -109,7 +105,7 @@ pub fn optimize_policy(
                     .and_then(|last| last.success_rate.or(last.success_rate_anywhere))
                     .unwrap_or(0.0),
             };
-            Ok((KeptPolicy::new(optimized.policy, &settings, origin), optimized.curve))
+            Ok((StoredPolicy::new(optimized.policy, &settings, origin), optimized.curve))
         },
         |py, (policy, curve)| {
             let policy = Py::new(py, Policy::new(policy))?;
@@ -139,7 +135,7 @@ pub fn robustness(
     Job::start(
         move |progress| {
             let database = database.get(&library, &settings.synthesizer.weights, progress)?;
-            let environment = Environment::new(&scene, &database, &task, &settings);
+            let environment = Environment::new(&scene, &database, &task, &settings)?;
             if !policy.fits(&settings) {
                 return Err(Error::input("The policy was optimized with other settings of state or signal."));
             }

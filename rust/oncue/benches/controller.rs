@@ -12,7 +12,7 @@ use std::time::Instant;
 
 use glam::Vec3;
 use oncue::controller::Environment;
-use oncue::controller::KeptPolicy;
+use oncue::controller::StoredPolicy;
 use oncue::controller::policy::{Gaussian, Policy, draw};
 use oncue::controller::ppo::Ppo;
 use oncue::controller::rollout::{Rollout, Tuples};
@@ -59,7 +59,7 @@ fn main() {
         },
         manipulations: Vec::new(),
     };
-    let environment = Environment::new(&scene, &database, &task, &settings);
+    let environment = Environment::new(&scene, &database, &task, &settings).expect("settings that fit");
     let policy = Policy::new(environment.state_size(), &settings, &mut Pcg64::seed_from_u64(1));
     println!("state: {} numbers", environment.state_size());
     decision(&environment, &policy);
@@ -152,7 +152,7 @@ type Recorded = (ActionType, Vec<Vec<f32>>, Vec<Option<usize>>);
 fn recorded(environment: &Environment) -> [Recorded; 2] {
     let mut walks = (ActionType::Walk, Vec::new(), Vec::new());
     let mut sits = (ActionType::Sit, Vec::new(), Vec::new());
-    let (Some(prior), settings) = (KeptPolicy::prior(), environment.settings) else { return [walks, sits] };
+    let (Ok(prior), settings) = (StoredPolicy::prior(), environment.settings) else { return [walks, sits] };
     let (policy, map) = (&prior.policy, prior.policy.normalizer.map());
     let mut rng = Pcg64::seed_from_u64(4);
     let mut numbers = vec![0.0; environment.state_size()];

@@ -9,7 +9,7 @@
 
 use std::path::PathBuf;
 
-use oncue::controller::{Environment, KeptPolicy, PolicyOrigin, optimize_policy};
+use oncue::controller::{Environment, PolicyOrigin, StoredPolicy, optimize_policy};
 use oncue::library::database::MotionDatabase;
 use oncue::library::starter;
 use oncue::practice::practice_room;
@@ -62,11 +62,11 @@ fn main() -> Result<(), AnyError> {
     let environments: Vec<Environment> = tasks
         .iter()
         .map(|(s, task)| Environment::new(&scenes[*s].0, &database, task, &settings))
-        .filter(|environment| can_be_met(environment))
-        .collect();
+        .filter(|environment| environment.as_ref().map_or(true, can_be_met))
+        .collect::<oncue::Result<_>>()?;
     println!("{} rooms, {} of {} cues can be met", scenes.len(), environments.len(), tasks.len());
 
-    let mut kept = from.map(|file| KeptPolicy::read(&file)).transpose()?;
+    let mut kept = from.map(|file| StoredPolicy::read(&file)).transpose()?;
     let mut done = kept.as_ref().map_or(0, |k| k.origin.updates);
     let last = done + updates;
     while done < last {
@@ -93,7 +93,7 @@ fn main() -> Result<(), AnyError> {
             success_rate: optimized.curve.last().and_then(|f| f.success_rate_anywhere).unwrap_or(0.0),
             ..PolicyOrigin::default()
         };
-        let policy = KeptPolicy::new(optimized.policy, &settings, origin);
+        let policy = StoredPolicy::new(optimized.policy, &settings, origin);
         policy.write(&out)?;
         kept = Some(policy);
     }

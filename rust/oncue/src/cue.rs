@@ -3,21 +3,9 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
+use crate::action::{ActionType, CueHeight, Fit};
 use crate::math::Planar;
 use crate::motion::skeleton::SEATED_HIPS_HEIGHT;
-
-/// The action types of the controller (LAMA, a^type; section 3.2).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ActionType {
-    Walk,
-    Sit,
-    Stop,
-}
-
-impl ActionType {
-    pub const ALL: [ActionType; 3] = [ActionType::Walk, ActionType::Sit, ActionType::Stop];
-}
 
 /// g_init: where the character stands at frame 0 and faces.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -43,7 +31,7 @@ impl InitialState {
 pub struct ActionCue {
     /// The name the artist gave it, for messages.
     pub name: String,
-    /// [`ActionType::Sit`] or [`ActionType::Stop`].
+    /// One of [`ActionType::of_cues`].
     pub action_type: ActionType,
     /// q_root: where the pelvis joint ends, world, metres. For a stop only x and y count.
     pub position: Vec3,
@@ -59,9 +47,29 @@ impl ActionCue {
         Planar::new(self.position.truncate(), self.yaw)
     }
 
-    /// World z of the seat's surface under a sit cue; `None` for a stop.
+    /// World z of the seat's surface under a cue that ends on one.
     pub fn seat_height(&self) -> Option<f32> {
-        (self.action_type == ActionType::Sit).then_some(self.position.z - SEATED_HIPS_HEIGHT)
+        match self.action_type.spec().fit {
+            Fit::Seat => Some(self.position.z - SEATED_HIPS_HEIGHT),
+            Fit::Nothing => None,
+        }
+    }
+
+    /// World z of the pelvis joint at the end, where the cue says it.
+    pub fn pelvis_height(&self) -> Option<f32> {
+        match self.action_type.spec().height {
+            CueHeight::Pelvis => Some(self.position.z),
+            CueHeight::Standing => None,
+        }
+    }
+
+    /// How far a pelvis joint at `root` is from where the cue wants it, metres: on the floor plane where the cue's height says
+    /// nothing.
+    pub fn pelvis_distance(&self, root: Vec3) -> f32 {
+        match self.action_type.spec().height {
+            CueHeight::Pelvis => root.distance(self.position),
+            CueHeight::Standing => root.truncate().distance(self.position.truncate()),
+        }
     }
 }
 

@@ -12,6 +12,7 @@
 //!
 //! One space everywhere, Blender's: right-handed, Z up, metres, quaternions w first at the borders.
 
+pub mod action;
 pub mod body_solver;
 pub mod controller;
 pub mod cue;
@@ -34,7 +35,8 @@ pub mod simd;
 pub mod synthesize;
 pub mod synthesizer;
 
-pub use cue::{ActionCue, ActionType, Hand, InitialState, ManipulationCue, Task};
+pub use action::{ActionLabel, ActionType};
+pub use cue::{ActionCue, Hand, InitialState, ManipulationCue, Task};
 pub use error::{Error, Result};
 pub use job::Job;
 pub use library::MotionLibrary;

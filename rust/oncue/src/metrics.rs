@@ -5,8 +5,10 @@ use std::collections::BTreeMap;
 use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::cue::{ActionCue, ActionType};
-use crate::library::{ActionLabel, Clip, MotionLibrary};
+use crate::action::ActionLabel;
+use crate::action::ActionType;
+use crate::cue::ActionCue;
+use crate::library::{Clip, MotionLibrary};
 use crate::math::rotation::{angle_between, wrap_angle};
 use crate::motion::skeleton::TOE_HEIGHT;
 use crate::motion::{BODY_BOXES, FRAME_RATE, JOINT_COUNT, Joint, Limb, Motion, Pose, Posture};
@@ -60,15 +62,33 @@ pub struct Residual {
     pub met: bool,
 }
 
+/// A cue is met when the pelvis is nearer than this to its place, metres, and its facing, radians (LAMA, supplementary: the
+/// robustness test's 10 cm and 20°).
+pub const MET_DISTANCE: f32 = 0.10;
+/// See [`MET_DISTANCE`].
+pub const MET_FACING: f32 = 20f32.to_radians();
+
+/// Whether a pelvis so far from its place (metres) and its facing (radians) meets its cue.
+pub fn is_met(distance: f32, facing: f32) -> bool {
+    distance < MET_DISTANCE && facing < MET_FACING
+}
+
+/// Whether a frame counts as penetrating: so many crossings of the legs or of the arms (LAMA, section 4.1: 10 and 7).
+pub fn is_penetrating(legs: u32, arms: u32) -> bool {
+    legs >= PENETRATING_LEGS || arms >= PENETRATING_ARMS
+}
+
+/// Crossings of the legs from which a frame counts as penetrating.
+pub const PENETRATING_LEGS: u32 = 10;
+/// The same of the arms.
+pub const PENETRATING_ARMS: u32 = 7;
+
 /// Residual of `cue` at `frame` of `motion`.
 pub fn residual(cue: &ActionCue, motion: &Motion, frame: usize) -> Option<Residual> {
     let posture = motion.postures.get(frame)?;
     let pose = posture.pose();
     let root = posture.root_position;
-    let pelvis = match cue.action_type {
-        ActionType::Stop => root.truncate().distance(cue.position.truncate()),
-        _ => root.distance(cue.position),
-    };
+    let pelvis = cue.pelvis_distance(root);
     let facing = wrap_angle(posture.planar().yaw - cue.yaw).abs();
     let feet = [0, 1].map(|side| {
         let at = pose.position(Joint::FEET[side]).truncate();
@@ -81,7 +101,7 @@ pub fn residual(cue: &ActionCue, motion: &Motion, frame: usize) -> Option<Residu
         pelvis_cm: 100.0 * pelvis,
         facing_degrees: facing.to_degrees(),
         feet_cm: feet,
-        met: pelvis < 0.10 && facing < 20f32.to_radians(),
+        met: is_met(pelvis, facing),
     })
 }
 
@@ -351,7 +371,7 @@ pub fn penetration_figures(
         let of = |limb: Limb| -> u32 {
             BODY_BOXES.iter().zip(&all).filter(|(b, _)| b.limb == limb).map(|(_, c)| c).sum()
         };
-        let (in_legs, in_arms) = (of(Limb::Leg) >= 10, of(Limb::Arm) >= 7);
+        let (in_legs, in_arms) = (of(Limb::Leg) >= PENETRATING_LEGS, of(Limb::Arm) >= PENETRATING_ARMS);
         legs += usize::from(in_legs);
         arms += usize::from(in_arms);
         both += usize::from(in_legs || in_arms);

@@ -9,7 +9,8 @@ use glam::{Vec2, Vec2Swizzles, Vec3};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use crate::cue::{ActionCue, ActionType};
+use crate::action::ActionType;
+use crate::cue::ActionCue;
 use crate::math::planar::rotate;
 use crate::motion::skeleton::{REST_HIPS_HEIGHT, SEATED_HIPS_HEIGHT};
 
@@ -308,6 +309,7 @@ impl Maker {
 
     /// A few places to stop at.
     fn stops(&mut self, rng: &mut impl Rng) {
+        let mut made = 0;
         for _ in 0..TRIES {
             let (at, yaw) = (self.random_place(0.4, rng), rng.random_range(-PI..PI));
             if self.is_free(&Footprint { at, yaw, half: Vec2::splat(0.3) }, 0.05) {
@@ -318,7 +320,8 @@ impl Maker {
                     yaw,
                     feet: [None, None],
                 });
-                if self.room.cues.iter().filter(|c| c.action_type == ActionType::Stop).count() == 2 {
+                made += 1;
+                if made == 2 {
                     return;
                 }
             }

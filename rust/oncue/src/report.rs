@@ -20,8 +20,9 @@ pub enum PolicySource {
     Scratch,
     /// The one that ships with Oncue.
     Prior,
-    /// One that an earlier task in the scene left.
-    Kept,
+    /// One that was stored when an earlier task in the scene had optimized it.
+    #[serde(rename = "kept")]
+    Stored,
 }
 
 /// The report of one run.

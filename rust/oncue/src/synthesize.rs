@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use crate::controller::optimize::UpdateFigures;
 use crate::controller::{
-    Environment, EpisodeEnd, KeptMotion, KeptPolicy, keep_motion, optimize_policy, request_of,
+    Environment, EpisodeEnd, KeptMotion, StoredPolicy, keep_motion, optimize_policy, request_of,
 };
-use crate::cue::{ActionType, Task};
+use crate::cue::Task;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
 use crate::library::database::MotionDatabase;
@@ -25,29 +25,29 @@ pub struct Synthesis {
     pub motion: Motion,
     pub report: Report,
     /// To be kept for the next task in the scene.
-    pub policy: KeptPolicy,
+    pub policy: StoredPolicy,
 }
 
 /// M = LAMA(W, Φ, g_init) (LAMA, eq. 1), edited to fit its seat and its hands' cues.
 ///
-/// `kept` is a policy of the same scene and library. Where the shipped prior, or else `kept`, serves the task, its
-/// motion is taken at once; where neither does, `kept` (or the prior) is fine-tuned (section 3.5). The prior comes
-/// first so that a motion depends on what was kept only where the prior fails, and the same request again begins as it did
-/// the first time. Settings may have every policy begin
-/// from scratch. The same seed, settings and policy give the same motion on any number of threads.
+/// `stored` is a policy of the same scene and library. Where the shipped prior, or else `stored`, serves the task, its
+/// motion is taken at once; where neither does, `stored` (or the prior) is fine-tuned (section 3.5). The prior comes first so
+/// that a motion depends on what was stored only where the prior fails, and the same request again begins as it did the first
+/// time. Settings may have every policy begin from scratch. The same seed, settings and policy give the same motion on any number of threads.
 ///
 /// # Errors
-/// `Unreachable` or `Input` when the task cannot be met as given, before anything is optimized; `Cancelled`.
+/// `Unreachable` or `Input` when the task cannot be met as given, and `Input` for settings out of range, before anything is
+/// optimized; `DataFile` where this build carries a damaged policy; `Cancelled`.
 pub fn synthesize(
     scene: &SceneIndex,
     database: &MotionDatabase,
     task: &Task,
-    kept: Option<&KeptPolicy>,
+    stored: Option<&StoredPolicy>,
     settings: &Settings,
     seed: u64,
     progress: &Progress,
 ) -> Result<Synthesis> {
-    synthesize_along(shipped_manifold(), scene, database, task, kept, settings, seed, progress)
+    synthesize_along(shipped_manifold(), scene, database, task, stored, settings, seed, progress)
 }
 
 /// The same, edited along a given manifold, or by the finishing pass alone where there is none.
@@ -60,20 +60,21 @@ pub fn synthesize_along(
     scene: &SceneIndex,
     database: &MotionDatabase,
     task: &Task,
-    kept: Option<&KeptPolicy>,
+    stored: Option<&StoredPolicy>,
     settings: &Settings,
     seed: u64,
     progress: &Progress,
 ) -> Result<Synthesis> {
     let mut laps = Laps::new();
     progress.stage("Checking the cues");
+    settings.validate()?;
     check_task(scene, task)?;
     check_manipulations(task)?;
-    let environment = Environment::new(scene, database, task, settings);
+    let environment = Environment::new(scene, database, task, settings)?;
     laps.done("check");
 
     let request = request_of(task, settings, seed);
-    let there = policies_there(kept.filter(|k| k.origin.request != request), settings);
+    let there = policies_there(stored.filter(|policy| policy.origin.request != request), settings)?;
     let Found { mut kept, policy, source, learning } =
         find_motion(&environment, &there, seed, progress, &mut laps)?;
 
@@ -103,7 +104,7 @@ pub fn synthesize_along(
         version: env!("CARGO_PKG_VERSION").to_owned(),
         seed,
         library_checksum: database.library_checksum.clone(),
-        settings: settings.clone(),
+        settings: Settings { scene: scene.settings().clone(), ..settings.clone() },
         success: problems.is_empty(),
         problems,
         cues,
@@ -128,12 +129,12 @@ pub fn synthesize_along(
 
 /// The policies that can be played before any is optimized.
 fn policies_there<'a>(
-    kept: Option<&'a KeptPolicy>,
+    stored: Option<&'a StoredPolicy>,
     settings: &Settings,
-) -> Vec<(&'a KeptPolicy, PolicySource)> {
-    let prior = KeptPolicy::prior().filter(|_| settings.ppo.prior).map(|p| (p, PolicySource::Prior));
-    let kept = kept.map(|k| (k, PolicySource::Kept));
-    prior.into_iter().chain(kept).filter(|(policy, _)| policy.fits(settings)).collect()
+) -> Result<Vec<(&'a StoredPolicy, PolicySource)>> {
+    let prior = if settings.ppo.prior { Some((StoredPolicy::prior()?, PolicySource::Prior)) } else { None };
+    let stored = stored.map(|policy| (policy, PolicySource::Stored));
+    Ok(prior.into_iter().chain(stored).filter(|(policy, _)| policy.fits(settings)).collect())
 }
 
 /// Between the seeds of the rollouts before and after optimizing.
@@ -141,7 +142,7 @@ const AGAIN: u64 = 1 << 32;
 
 struct Found {
     kept: KeptMotion,
-    policy: KeptPolicy,
+    policy: StoredPolicy,
     source: PolicySource,
     learning: Learning,
 }
@@ -156,14 +157,14 @@ struct Learning {
 /// The motion of a policy that is there where one serves the task, else that of one optimized from the last of them.
 fn find_motion(
     environment: &Environment,
-    there: &[(&KeptPolicy, PolicySource)],
+    there: &[(&StoredPolicy, PolicySource)],
     seed: u64,
     progress: &Progress,
     laps: &mut Laps,
 ) -> Result<Found> {
     let settings = environment.settings;
     let task = environment.task;
-    let origin_from = |start: Option<&KeptPolicy>| {
+    let origin_from = |start: Option<&StoredPolicy>| {
         let mut origin = start.map(|s| s.origin.clone()).unwrap_or_default();
         origin.scene = environment.scene.fingerprint().to_owned();
         origin.library = environment.database.library_checksum.clone();
@@ -178,7 +179,7 @@ fn find_motion(
         let kept = keep_motion(environment, &start.policy, seed, progress)?;
         laps.done("play");
         if environment.is_clean(kept.end, &kept.tally) {
-            let policy = KeptPolicy { origin: origin_from(Some(start)), ..start.clone() };
+            let policy = StoredPolicy { origin: origin_from(Some(start)), ..start.clone() };
             return Ok(Found { kept, policy, source, learning: Learning::default() });
         }
         before = before.into_iter().chain([kept]).min_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -207,7 +208,7 @@ fn find_motion(
         environment_steps: optimized.environment_steps,
         rollout_seconds: optimized.rollout_seconds,
     };
-    Ok(Found { kept, policy: KeptPolicy::new(optimized.policy, settings, origin), source, learning })
+    Ok(Found { kept, policy: StoredPolicy::new(optimized.policy, settings, origin), source, learning })
 }
 
 /// In words what went wrong; empty when nothing did.
@@ -221,7 +222,6 @@ fn problems(end: EpisodeEnd, cues: &[Residual], scene: &SceneIndex, task: &Task)
              cue back, turn it, or move what stands there."
         )];
     }
-    let sits = task.cue.action_type == ActionType::Sit;
     match end {
         EpisodeEnd::Complete => cues
             .iter()
@@ -238,7 +238,7 @@ fn problems(end: EpisodeEnd, cues: &[Residual], scene: &SceneIndex, task: &Task)
         )],
         EpisodeEnd::Stall | EpisodeEnd::TooLong => vec![format!(
             "The character got near '{name}' but found no way to finish there; turn the cue towards free floor or move it {}.",
-            if sits { "nearer the front of the seat" } else { "a little" }
+            task.cue.action_type.spec().remedy
         )],
         EpisodeEnd::LeftScene => {
             vec!["The character left the scene; start it farther from the edge.".to_owned()]

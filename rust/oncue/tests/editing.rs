@@ -5,12 +5,13 @@ mod common;
 use std::sync::OnceLock;
 
 use glam::{Quat, Vec2, Vec3};
+use oncue::ActionLabel;
 use oncue::editor::manipulation::{lengthened, manipulate};
 use oncue::editor::plain_ik::plain_ik;
 use oncue::editor::seat::{Seat, SeatFit};
 use oncue::editor::{Constraint, Edited, Key, Wishes, check_constraints, edit_motion, shipped_manifold};
 use oncue::library::foot::sole;
-use oncue::library::{ActionLabel, starter};
+use oncue::library::starter;
 use oncue::manifold::Manifold;
 use oncue::math::rotation::to_angle_axis;
 use oncue::metrics::foot_figures;

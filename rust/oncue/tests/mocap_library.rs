@@ -6,11 +6,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
+use oncue::ActionLabel;
 use oncue::library::calibration::{Sampler, UpAxis, leg_length};
 use oncue::library::retarget::recognize_unit;
-use oncue::library::{
-    ActionLabel, BuiltLibrary, Clip, LibrarySettings, StarterUse, build, foot, joint_names, mocap_file,
-};
+use oncue::library::{BuiltLibrary, Clip, LibrarySettings, StarterUse, build, foot, joint_names, mocap_file};
 use oncue::math::rotation::wrap_angle;
 use oncue::motion::{Joint, Pose};
 use oncue::{Error, Progress};
@@ -251,7 +250,7 @@ fn labels_fit_the_categories() {
         let mut totals: BTreeMap<String, f32> = BTreeMap::new();
         for clip in &built(&folder).library.clips {
             let category = &index[&clip.name].0;
-            for label in ActionLabel::ALL {
+            for &label in ActionLabel::ALL {
                 *shares.entry(category.clone()).or_default().entry(format!("{label:?}")).or_default() +=
                     seconds(clip, label);
             }

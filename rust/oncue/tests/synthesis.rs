@@ -3,7 +3,7 @@
 mod common;
 
 use glam::{Quat, Vec3};
-use oncue::controller::{Environment, EpisodeEnd, KeptPolicy, keep_motion};
+use oncue::controller::{Environment, EpisodeEnd, StoredPolicy, keep_motion};
 use oncue::library::database::MotionDatabase;
 use oncue::library::starter;
 use oncue::math::rotation::wrap_angle;
@@ -66,7 +66,7 @@ fn run(task: &Task, seed: u64) -> Synthesis {
     run_from(task, seed, None)
 }
 
-fn run_from(task: &Task, seed: u64, kept: Option<&KeptPolicy>) -> Synthesis {
+fn run_from(task: &Task, seed: u64, kept: Option<&StoredPolicy>) -> Synthesis {
     synthesize(&room(), &database(), task, kept, &small(), seed, &Progress::new()).expect("a motion")
 }
 
@@ -148,7 +148,7 @@ fn a_kept_policy_plays_a_moved_task_without_optimizing() {
     moved.start.yaw = -1.0;
     moved.cue.position.x += 0.15;
     let second = run_from(&moved, 4, Some(&first.policy));
-    assert_eq!((second.report.policy_source, second.report.updates), (PolicySource::Kept, 0));
+    assert_eq!((second.report.policy_source, second.report.updates), (PolicySource::Stored, 0));
     assert!(second.report.success, "{:?}", second.report.problems);
     assert_eq!(second.policy.policy, first.policy.policy);
     assert_eq!(second.policy.origin.cues, [task(ActionType::Sit).cue, moved.cue]);
@@ -156,7 +156,7 @@ fn a_kept_policy_plays_a_moved_task_without_optimizing() {
     let again = run_from(&task(ActionType::Sit), 3, Some(&first.policy));
     assert_eq!((again.report.policy_source, again.motion), (PolicySource::Scratch, first.motion.clone()));
     // A policy of other settings is not played.
-    let other = KeptPolicy { state: Settings::preset("paper").expect("a preset").state, ..first.policy };
+    let other = StoredPolicy { state: Settings::preset("paper").expect("a preset").state, ..first.policy };
     assert_eq!(run_from(&task(ActionType::Sit), 3, Some(&other)).report.policy_source, PolicySource::Scratch);
 }
 
@@ -223,8 +223,8 @@ fn sits_down_at_a_desk_from_the_side() {
 fn the_figures_that_choose_are_the_figures_that_are_reported() {
     let (scene, task) = desk();
     let (settings, database) = (Settings::default(), database());
-    let prior = KeptPolicy::prior().expect("the prior");
-    let environment = Environment::new(&scene, &database, &task, &settings);
+    let prior = StoredPolicy::prior().expect("the prior");
+    let environment = Environment::new(&scene, &database, &task, &settings).expect("settings that fit");
     for seed in 1..=3 {
         let kept = keep_motion(&environment, &prior.policy, seed, &Progress::new()).expect("a motion");
         assert_eq!(kept.end, EpisodeEnd::Complete);

@@ -26,6 +26,8 @@ const NO_SLACK: f64 = 2e-5;
 /// Done when no number changes more (radians or metres), or when a step gains less than this share of the cost.
 const SETTLED: f64 = 2e-4;
 const GAINS: f64 = 1e-4;
+/// With more damping than this no step would be seen: the correction stays as it is.
+const MOST_DAMPING: f64 = 1e8;
 /// A single step turns no joint further, radians.
 const LARGEST_STEP: f64 = 0.5;
 /// 1/σ above which a row is no wish.
@@ -73,6 +75,9 @@ pub fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
         let mut settled = true;
         loop {
             progress.check()?;
+            if damping > MOST_DAMPING {
+                break;
+            }
             let Some(step) = system.step(damping, n) else {
                 damping = (damping * 10.0).max(1e-2);
                 continue;
@@ -87,9 +92,6 @@ pub fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
                 break;
             }
             damping = (damping * 10.0).max(1e-2);
-            if damping > 1e8 {
-                break;
-            }
         }
         if settled && system.slack < NO_SLACK {
             break;

@@ -3,10 +3,12 @@
 use glam::Vec2;
 
 use super::reward::{TransitionCost, transition_cost};
-use crate::cue::{ActionType, Task};
+use crate::action::ActionType;
+use crate::cue::Task;
+use crate::error::{Error, Result};
 use crate::library::database::MotionDatabase;
 use crate::library::feature::PoseFeature;
-use crate::scene::{ClearPath, SceneIndex};
+use crate::scene::{ClearPath, SceneIndex, SceneSettings};
 use crate::settings::Settings;
 
 /// What an episode plays in. Shared by all threads.
@@ -23,12 +25,29 @@ pub struct Environment<'a> {
 }
 
 impl<'a> Environment<'a> {
+    /// Everything but the policy that episodes of a task depend on.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] for settings that make no sense, and for those that the scene or the database was not built
+    /// with.
     pub fn new(
         scene: &'a SceneIndex,
         database: &'a MotionDatabase,
         task: &'a Task,
         settings: &'a Settings,
-    ) -> Self {
+    ) -> Result<Self> {
+        settings.validate()?;
+        if settings.scene != SceneSettings::default() && settings.scene != *scene.settings() {
+            return Err(Error::input(
+                "The scene was indexed with other settings than those under ‘scene’ here: index it with these, or leave them out.",
+            ));
+        }
+        if settings.synthesizer.weights != database.weights {
+            return Err(Error::input(
+                "The library was made matchable with other weights than those under ‘synthesizer.weights’ here: build it with \
+                 these, or leave them out.",
+            ));
+        }
         let path = ClearPath::to_cue(scene, &task.cue);
         let (low, high) = scene.bounds();
         let mut starts = Vec::new();
@@ -43,8 +62,8 @@ impl<'a> Environment<'a> {
                 }
             }
         }
-        let walk_weights = settings.synthesizer.weights.vector(ActionType::Walk);
-        Self { scene, database, task, settings, path, walk_weights, starts }
+        let walk_weights = settings.synthesizer.weights.vector(ActionType::LOCOMOTION);
+        Ok(Self { scene, database, task, settings, path, walk_weights, starts })
     }
 
     /// Places on the clear floor from which the cue can be reached, 15 cm apart.

@@ -12,11 +12,11 @@ use super::reward::{
     transition_reward, velocity_reward,
 };
 use super::state::{Observation, observe};
-use crate::cue::ActionType;
+use crate::action::ActionType;
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
-use crate::metrics::{ContactError, accelerations};
+use crate::metrics::{ContactError, accelerations, is_met, is_penetrating};
 use crate::motion::{FRAME_RATE, JOINT_COUNT, Joint, Motion, Pose, Posture};
 use crate::synthesizer::{Character, PostureOffset};
 
@@ -137,7 +137,7 @@ impl Environment<'_> {
         let action_type = ActionType::ALL[draw.action_type.min(TYPE_COUNT - 1)];
         let signal = settings.signal.decode(action_type, &draw.vector, character.velocity());
         let query = observation.query.as_deref().copied().unwrap_or_else(|| character.pose_feature());
-        let action = observation.action.filter(|a| a.accepted && action_type != ActionType::Walk);
+        let action = observation.action.filter(|a| a.accepted && action_type != ActionType::LOCOMOTION);
 
         // k*: a sit or stop was matched while observing; walking is matched with a^future.
         let target = match action {
@@ -168,9 +168,7 @@ impl Environment<'_> {
             let tally = &mut episode.tally;
             let root = episode.character.pose.positions[0];
             let cue = &self.task.cue;
-            let planar = root.truncate().distance(cue.position.truncate());
-            tally.residual =
-                if cue.action_type == ActionType::Sit { root.distance(cue.position) } else { planar };
+            tally.residual = cue.pelvis_distance(root);
             tally.facing = wrap_angle(episode.character.planar.yaw - cue.yaw).abs();
             let inter = interaction_reward(&[tally.residual], tally.facing, &settings.reward);
             reward += settings.reward.w_act * settings.reward.action_scale * inter * smooth * mean.collision;
@@ -181,11 +179,11 @@ impl Environment<'_> {
     /// The frame to jump to for walking, or `None` to play on.
     fn match_walk(&self, character: &Character, query: &PoseFeature, future: &[Planar; 3]) -> Option<usize> {
         let mut feature = [0.0; MAX_FEATURE];
-        let size = feature_size(ActionType::Walk);
+        let size = feature_size(ActionType::LOCOMOTION);
         write_feature(query, &Future::Walk(*future), &mut feature[..size]);
         let feature = &feature[..size];
-        let found = self.database.search(ActionType::Walk, feature, Some(character.frame))?;
-        let on = self.database.cost(ActionType::Walk, feature, character.frame);
+        let found = self.database.search(ActionType::LOCOMOTION, feature, Some(character.frame))?;
+        let on = self.database.cost(ActionType::LOCOMOTION, feature, character.frame);
         match on {
             Some(cost) if cost <= found.cost * (1.0 + self.settings.synthesizer.reluctance) => None,
             _ => (found.frame != character.frame).then_some(found.frame),
@@ -261,7 +259,7 @@ impl Environment<'_> {
         let toes = |pose: &Pose| Joint::TOES.map(|toe| pose.position(toe).truncate());
         tally.contact.add(toes(&character.before), toes(&character.pose));
         let (legs, arms): (u32, u32) = (counts[..4].iter().sum(), counts[4..8].iter().sum());
-        tally.penetrating += usize::from(legs >= 10 || arms >= 7);
+        tally.penetrating += usize::from(is_penetrating(legs, arms));
         tally.touching += usize::from(counts.iter().any(|c| *c > 0));
         tally.crossings += u64::from(counts.iter().sum::<u32>());
         if let Some(record) = &mut episode.record {
@@ -342,7 +340,7 @@ impl Environment<'_> {
 
     /// Whether an episode that ended so met its cue: within 10 cm and 20° (the table of the paper's robustness test).
     pub fn succeeded(&self, end: EpisodeEnd, tally: &Tally) -> bool {
-        end == EpisodeEnd::Complete && tally.residual < 0.10 && tally.facing < 20f32.to_radians()
+        end == EpisodeEnd::Complete && is_met(tally.residual, tally.facing)
     }
 }
 

@@ -16,10 +16,13 @@ use crate::math::Planar;
 use crate::motion::{FRAME_RATE, Motion};
 use crate::nn::Activations;
 use crate::progress::Progress;
+use crate::settings::CostWeights;
 use crate::synthesizer::unhurried;
 
+/// A way that is longer than this, or that there is none, counts as this long, metres.
+const FARTHEST_WAY: f32 = 50.0;
 /// How much of the last decision's a^offset stays where the way is narrowest: arms that are past something stay so.
-const HOLD: f32 = 0.8;
+const OFFSET_HELD: f32 = 0.8;
 
 /// The kept motion and its figures.
 #[derive(Debug, Clone)]
@@ -83,7 +86,7 @@ pub fn keep_motion(
             })
             .collect();
         progress.check()?;
-        progress.fraction((round + 1) as f32 / (settings.rounds + 1) as f32);
+        progress.fraction(((round + 1) as f32 / (settings.rounds + 1) as f32).min(1.0));
         rollouts += played.len();
         succeeded += played.iter().filter(|c| environment.succeeded(c.end, &c.tally)).count();
         best.extend(played);
@@ -190,7 +193,7 @@ fn vary_arms(
     log_std[offset..].iter_mut().for_each(|s| *s = s.max(least));
     if let Some(last) = last {
         for (mean, last) in mean[TYPE_COUNT + offset..].iter_mut().zip(&last.vector[offset..]) {
-            *mean += HOLD * narrow * (last - *mean);
+            *mean += OFFSET_HELD * narrow * (last - *mean);
         }
     }
 }
@@ -226,33 +229,40 @@ fn record(environment: &Environment, candidate: &Candidate) -> (Episode, usize) 
     (episode, complete)
 }
 
-/// What an artist would mind, in one number: a missed cue most, then limbs in furniture, then visible
+/// What an artist would mind in it, in one number ([`CostWeights`]): a missed cue most, then limbs in furniture, then visible
 /// transitions and jolts, feet that creep, legs that hurry, detours and dawdling.
 fn cost(environment: &Environment, end: EpisodeEnd, episode: &Episode) -> f32 {
-    let tally = &episode.tally;
+    let way = |xy| environment.path.distance(xy).min(FARTHEST_WAY);
+    let shortest = way(environment.task.start.planar().position);
+    let left = way(episode.character.planar.position);
+    let met = environment.succeeded(end, &episode.tally);
+    cost_of(&episode.tally, end, met, left, shortest, &environment.settings.kept.weights)
+}
+
+/// [`cost`] of an episode's figures. `left`: metres from its last place to the cue; `shortest`: from its first.
+fn cost_of(tally: &Tally, end: EpisodeEnd, met: bool, left: f32, shortest: f32, w: &CostWeights) -> f32 {
     let seconds = tally.frames as f32 / FRAME_RATE;
     if end != EpisodeEnd::Complete {
-        let left = environment.path.distance(episode.character.planar.position).min(50.0);
-        return 1e4 + 100.0 * left - seconds;
+        // Of two that got as far, the one that tried longer is nearer to an end.
+        return w.incomplete + w.way_left * left - seconds;
     }
-    let missed = if environment.succeeded(end, tally) { 0.0 } else { 1e3 };
-    let shortest = environment.path.distance(environment.task.start.planar().position).min(50.0);
+    let missed = if met { 0.0 } else { w.missed };
     missed
-        + 30.0 * tally.residual
-        + 4.0 * tally.facing
-        + 0.5 * tally.penetrating as f32
-        + 0.2 * tally.touching as f32
-        + 0.01 * tally.crossings as f32
-        + 1.5 * tally.worst_transition
-        + 0.15 * tally.transition
-        + 2.0 * tally.worst_hurry
-        + 0.3 * tally.hurry
-        + 1.0 * tally.worst_jolt
-        + 0.05 * tally.jolt
-        + 60.0 * tally.contact.mean()
-        + 0.8 * (tally.travelled - shortest).max(0.0)
-        + 0.25 * seconds
-        + 0.02 * tally.offset / FRAME_RATE
+        + w.residual * tally.residual
+        + w.facing * tally.facing
+        + w.penetrating * tally.penetrating as f32
+        + w.touching * tally.touching as f32
+        + w.crossing * tally.crossings as f32
+        + w.worst_transition * tally.worst_transition
+        + w.transition * tally.transition
+        + w.worst_hurry * tally.worst_hurry
+        + w.hurry * tally.hurry
+        + w.worst_jolt * tally.worst_jolt
+        + w.jolt * tally.jolt
+        + w.contact * tally.contact.mean()
+        + w.detour * (tally.travelled - shortest).max(0.0)
+        + w.second * seconds
+        + w.offset * tally.offset / FRAME_RATE
 }
 
 #[cfg(test)]

@@ -21,5 +21,5 @@ pub use episode::EpisodeEnd;
 pub use kept::{KeptMotion, keep_motion};
 pub use optimize::{OptimizedPolicy, optimize_policy};
 pub use policy::Policy;
-pub use policy_file::{KeptPolicy, PolicyOrigin, request_of};
+pub use policy_file::{PolicyOrigin, StoredPolicy, request_of};
 pub use robustness::{Robustness, RobustnessSettings, robustness};

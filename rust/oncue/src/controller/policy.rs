@@ -4,7 +4,7 @@ use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
-use crate::cue::ActionType;
+use crate::action::ActionType;
 use crate::nn::{Activations, Mlp};
 use crate::settings::Settings;
 
@@ -74,7 +74,7 @@ pub struct Policy {
 }
 
 /// Logits in front of the action vector.
-pub const TYPE_COUNT: usize = ActionType::ALL.len();
+pub const TYPE_COUNT: usize = ActionType::COUNT;
 
 impl Policy {
     pub fn new(state_size: usize, settings: &Settings, rng: &mut impl Rng) -> Self {
@@ -96,15 +96,18 @@ impl Policy {
         }
     }
 
-    /// Whether its parts fit one another, a state and an action vector, and hold numbers only.
-    pub fn is_consistent(&self, state_size: usize, vector_size: usize) -> bool {
-        let fits = |net: &Mlp, outputs: usize| {
-            net.is_consistent() && net.input_size() == state_size && net.output_size() == outputs
-        };
-        fits(&self.policy, TYPE_COUNT + vector_size)
-            && fits(&self.value, 1)
-            && self.log_std.len() == vector_size
-            && self.normalizer.is_consistent(state_size)
+    /// Numbers of a state that it takes, and of an output that it gives: a logit for each action type, then the vector.
+    pub fn sizes(&self) -> (usize, usize) {
+        (self.policy.input_size(), self.policy.output_size())
+    }
+
+    /// Whether its parts fit one another and hold numbers only.
+    pub fn is_consistent(&self) -> bool {
+        self.policy.is_consistent()
+            && self.value.is_consistent()
+            && self.value.input_size() == self.policy.input_size()
+            && self.value.output_size() == 1
+            && self.normalizer.is_consistent(self.policy.input_size())
             && [&self.policy.parameters, &self.value.parameters, &self.log_std]
                 .iter()
                 .all(|numbers| numbers.iter().all(|n| n.is_finite()))

@@ -6,10 +6,10 @@ use std::sync::OnceLock;
 use half::f16;
 use serde::{Deserialize, Serialize};
 
-use super::policy::{Normalizer, Policy};
+use super::policy::{Normalizer, Policy, TYPE_COUNT};
 use crate::cue::{ActionCue, Task};
 use crate::data_file::{FileKind, write_whole};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::nn::Mlp;
 use crate::settings::{Settings, SignalSettings, StateSettings};
 
@@ -42,7 +42,7 @@ pub struct PolicyOrigin {
 
 /// A policy with what its numbers mean and what it was made for.
 #[derive(Debug, Clone, PartialEq)]
-pub struct KeptPolicy {
+pub struct StoredPolicy {
     pub policy: Policy,
     pub state: StateSettings,
     pub signal: SignalSettings,
@@ -51,7 +51,7 @@ pub struct KeptPolicy {
 
 /// As stored: weights in half precision, which moves a mean by less than a thousandth of its spread.
 #[derive(Serialize, Deserialize)]
-struct Stored {
+struct PolicyFile {
     policy: StoredMlp,
     value: StoredMlp,
     log_std: Vec<f32>,
@@ -79,6 +79,12 @@ impl StoredMlp {
     }
 }
 
+/// Whether what a file says of its states and signals makes sense.
+fn stored_settings(policy: &StoredPolicy) -> Result<()> {
+    policy.state.validate()?;
+    policy.signal.validate()
+}
+
 /// A fingerprint of a request, hexadecimal.
 pub fn request_of(task: &Task, settings: &Settings, seed: u64) -> String {
     // Numbers, names and lists always serialize.
@@ -86,20 +92,23 @@ pub fn request_of(task: &Task, settings: &Settings, seed: u64) -> String {
     blake3::hash(&bytes).to_hex().to_string()
 }
 
-impl KeptPolicy {
+impl StoredPolicy {
     pub fn new(policy: Policy, settings: &Settings, origin: PolicyOrigin) -> Self {
         Self { policy, state: settings.state.clone(), signal: settings.signal.clone(), origin }
     }
 
-    /// The policy that ships with Oncue, optimized over many rooms made by rule
-    /// (`examples/prior.rs` makes it). `None` where the file that was built in is damaged.
-    pub fn prior() -> Option<&'static KeptPolicy> {
-        static PRIOR: OnceLock<Option<KeptPolicy>> = OnceLock::new();
-        PRIOR
-            .get_or_init(|| {
-                Self::from_bytes(include_bytes!("../../data/prior.oncuepolicy"), Path::new("prior")).ok()
-            })
-            .as_ref()
+    /// The policy that ships with Oncue, optimized over many rooms made by rule (`examples/prior.rs` makes it).
+    ///
+    /// # Errors
+    /// [`Error::DataFile`] where this build carries a damaged one, or one that was made for other states or actions.
+    pub fn prior() -> Result<&'static StoredPolicy> {
+        static PRIOR: OnceLock<StoredPolicy> = OnceLock::new();
+        if let Some(prior) = PRIOR.get() {
+            return Ok(prior);
+        }
+        let bytes = include_bytes!("../../data/prior.oncuepolicy");
+        let prior = Self::from_bytes(bytes, Path::new("the policy that ships with Oncue"))?;
+        Ok(PRIOR.get_or_init(|| prior))
     }
 
     /// Whether its states and signals are those of `settings`, so that it can be played with them.
@@ -113,7 +122,7 @@ impl KeptPolicy {
     }
 
     pub fn to_bytes(&self) -> Vec<u8> {
-        let stored = Stored {
+        let stored = PolicyFile {
             policy: StoredMlp::of(&self.policy.policy),
             value: StoredMlp::of(&self.policy.value),
             log_std: self.policy.log_std.clone(),
@@ -144,7 +153,7 @@ impl KeptPolicy {
     /// `DataFile` where the bytes are foreign, too new, cut off or damaged.
     pub fn from_bytes(bytes: &[u8], file: &Path) -> Result<Self> {
         let payload = FILE.unpack(bytes, file)?;
-        let stored: Stored = postcard::from_bytes(payload).map_err(|_| FILE.damaged(file))?;
+        let stored: PolicyFile = postcard::from_bytes(payload).map_err(|_| FILE.damaged(file))?;
         let kept = Self {
             policy: Policy {
                 policy: stored.policy.net(),
@@ -156,14 +165,30 @@ impl KeptPolicy {
             signal: stored.signal,
             origin: stored.origin,
         };
-        let sizes = (super::state::state_size(&kept.state), kept.signal.vector_size());
-        if kept.policy.is_consistent(sizes.0, sizes.1) { Ok(kept) } else { Err(FILE.damaged(file)) }
+        stored_settings(&kept).map_err(|_| FILE.damaged(file))?;
+        let (state, vector) = (super::state::state_size(&kept.state), kept.signal.vector_size());
+        if !kept.policy.is_consistent() || kept.policy.log_std.len() != vector {
+            return Err(FILE.damaged(file));
+        }
+        if kept.policy.sizes() != (state, TYPE_COUNT + vector) {
+            let (theirs, outputs) = kept.policy.sizes();
+            return Err(Error::DataFile {
+                file: file.into(),
+                reason: format!(
+                    "it was made for other states or actions ({theirs} numbers in and {outputs} out, where this Oncue has {state} and \
+                     {}); {}.",
+                    TYPE_COUNT + vector,
+                    FILE.remedy
+                ),
+            });
+        }
+        Ok(kept)
     }
 
     /// # Errors
-    /// [`crate::Error::Io`] where the system refuses the file, and those of [`KeptPolicy::from_bytes`].
+    /// [`Error::Io`] where the system refuses the file, and those of [`StoredPolicy::from_bytes`].
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(|e| crate::Error::io(path, e))?;
+        let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
         Self::from_bytes(&bytes, path)
     }
 
@@ -180,20 +205,20 @@ mod tests {
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
 
-    fn kept() -> KeptPolicy {
+    fn kept() -> StoredPolicy {
         let settings = Settings::default();
         let size = super::super::state::state_size(&settings.state);
         let mut policy = Policy::new(size, &settings, &mut Pcg64::seed_from_u64(1));
         policy.normalizer.update(&vec![0.5; size]);
-        KeptPolicy::new(policy, &settings, PolicyOrigin { scene: "a".into(), ..PolicyOrigin::default() })
+        StoredPolicy::new(policy, &settings, PolicyOrigin { scene: "a".into(), ..PolicyOrigin::default() })
     }
 
     #[test]
     fn what_is_written_is_read() {
         let kept = kept();
-        let back = KeptPolicy::from_bytes(&kept.to_bytes(), Path::new("p")).unwrap();
+        let back = StoredPolicy::from_bytes(&kept.to_bytes(), Path::new("p")).unwrap();
         // Half precision the second time round is exact.
-        assert_eq!(KeptPolicy::from_bytes(&back.to_bytes(), Path::new("p")).unwrap(), back);
+        assert_eq!(StoredPolicy::from_bytes(&back.to_bytes(), Path::new("p")).unwrap(), back);
         let furthest = kept.policy.policy.parameters.iter().zip(&back.policy.policy.parameters);
         assert!(furthest.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 1e-3);
         assert_eq!((&back.origin, &back.policy.normalizer), (&kept.origin, &kept.policy.normalizer));
@@ -205,7 +230,8 @@ mod tests {
 
     #[test]
     fn damage_is_refused() {
-        let sentence = |bytes: &[u8]| KeptPolicy::from_bytes(bytes, Path::new("p")).unwrap_err().to_string();
+        let sentence =
+            |bytes: &[u8]| StoredPolicy::from_bytes(bytes, Path::new("p")).unwrap_err().to_string();
         let bytes = kept().to_bytes();
         assert!(sentence(b"").contains("not an Oncue policy"));
         assert!(sentence(&bytes[..bytes.len() - 7]).contains("damaged"));
@@ -213,13 +239,31 @@ mod tests {
         wrong.policy.log_std.pop();
         assert!(sentence(&wrong.to_bytes()).contains("damaged"));
         let mut wrong = kept();
+        wrong.signal.reach = f32::NAN;
+        assert!(sentence(&wrong.to_bytes()).contains("damaged"));
+        let mut wrong = kept();
         wrong.policy.policy.parameters[3] = f32::NAN;
         assert!(sentence(&wrong.to_bytes()).contains("damaged"));
     }
 
     #[test]
+    fn a_policy_of_another_width_is_refused_by_a_sentence() {
+        let mut wider = kept();
+        let size = super::super::state::state_size(&wider.state);
+        // As it was before an action type more.
+        let settings = Settings::default();
+        let hidden = [size, 8, TYPE_COUNT - 1 + settings.signal.vector_size()];
+        wider.policy.policy = Mlp::new(&hidden, 0.01, &mut Pcg64::seed_from_u64(2));
+        let sentence = StoredPolicy::from_bytes(&wider.to_bytes(), Path::new("p")).unwrap_err().to_string();
+        assert!(
+            sentence.contains("made for other states or actions") && sentence.contains("delete it"),
+            "{sentence}"
+        );
+    }
+
+    #[test]
     fn the_prior_is_sound_and_fits_the_default() {
-        let prior = KeptPolicy::prior().expect("the prior that is built in");
+        let prior = StoredPolicy::prior().expect("the prior that is built in");
         assert!(prior.fits(&Settings::default()) && prior.origin.generalized);
     }
 }

@@ -15,6 +15,7 @@ use crate::error::Result;
 use crate::math::Planar;
 use crate::progress::Progress;
 use crate::scene::check_task;
+use crate::settings::range::check_ranges;
 
 /// How the starts are laid out and judged.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -28,6 +29,25 @@ pub struct RobustnessSettings {
     pub needed: usize,
     /// Spread of the actions round the policy's mean, 1: as it was optimized.
     pub spread: f32,
+}
+
+impl RobustnessSettings {
+    /// # Errors
+    /// [`crate::Error::Input`] naming the first value that is out of its range or not a number.
+    pub fn validate(&self) -> Result<()> {
+        check_ranges!(
+            self,
+            "robustness",
+            RobustnessSettings {
+                spacing: 0.02..=100.0,
+                trials: 1..=1000,
+                needed: 1..=1000,
+                spread: 0.0..=10.0,
+            },
+            free {}
+        );
+        Ok(())
+    }
 }
 
 impl Default for RobustnessSettings {
@@ -68,6 +88,7 @@ pub fn robustness(
     seed: u64,
     progress: &Progress,
 ) -> Result<Robustness> {
+    settings.validate()?;
     let valid = valid_starts(environment, settings.spacing);
     let map = policy.normalizer.map();
     let starts = valid

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use glam::{Vec2, Vec3};
 
-use crate::cue::ActionType;
+use crate::action::ActionType;
 use crate::library::feature::FUTURE_FRAMES;
 use crate::math::Planar;
 use crate::settings::{FutureForm, SignalSettings};

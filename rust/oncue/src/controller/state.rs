@@ -10,7 +10,7 @@ use glam::Vec2;
 
 use super::environment::Environment;
 use super::policy::TYPE_COUNT;
-use crate::cue::ActionType;
+use crate::action::ActionType;
 use crate::library::database::FrameMatch;
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
@@ -69,7 +69,7 @@ const BODY_SIZE: usize = 1 + 1 + 15 + 15 + 2 + 2;
 const PATH_SIZE: usize = 1 + 2 * AHEAD.len() + 2;
 const AHEAD: [f32; 3] = [0.5, 1.0, 2.0];
 /// Cue: place (near and far scale), facing, height, distance; the open action; the type asked for.
-const INTERACTION_SIZE: usize = 2 + 2 + 2 + 1 + 1 + 5 + 2;
+const INTERACTION_SIZE: usize = 2 + 2 + 2 + 1 + 1 + 5 + ActionType::CUE_COUNT;
 
 /// Writes s_t to `out` (as long as [`state_size`]) and says what is open and proposed. `likely`: a database frame near
 /// which the best sit or stop may be found; it only speeds that up.
@@ -146,8 +146,7 @@ pub fn observe(
     push(a.map_or(0.5, |a| a.height.min(0.5)));
     push(a.map_or(3.0, |a| a.posture.min(3.0)));
     let wanted = environment.task.cue.action_type;
-    push(f32::from(u8::from(wanted == ActionType::Sit)));
-    push(f32::from(u8::from(wanted == ActionType::Stop)));
+    ActionType::of_cues().for_each(|action_type| push(f32::from(u8::from(wanted == action_type))));
 
     let remaining = environment.path.distance(here.position);
     // One second ahead at the pace, slower over the last half metre, and a look beyond.
@@ -178,8 +177,8 @@ pub fn observe(
 
     let accepted = a.is_some_and(|a| a.accepted);
     let mut allowed = [false; TYPE_COUNT];
-    allowed[ActionType::Walk as usize] = true;
-    allowed[wanted as usize] |= accepted;
+    allowed[ActionType::LOCOMOTION.index()] = true;
+    allowed[wanted.index()] |= accepted;
     let mut proposal = vec![0.0; TYPE_COUNT + settings.signal.vector_size()];
     if settings.signal.propose_clear_path {
         let way = Way { remaining, stride_end, beyond, arrival };
@@ -217,12 +216,11 @@ fn find_action(
         return None;
     };
     let posture = environment.transition_cost(query, found.frame);
-    let sits = cue.action_type == ActionType::Sit;
     let matched = ActionMatch {
         found,
         position: end.position.distance(target.position),
         direction: wrap_angle(end.yaw - target.yaw).abs(),
-        height: if sits { (end_height - height).abs() } else { 0.0 },
+        height: cue.pelvis_height().map_or(0.0, |_| (end_height - height).abs()),
         posture: posture.posture + posture.velocity,
         accepted: false,
     };
@@ -255,7 +253,7 @@ fn propose(
 ) {
     let settings = &environment.settings.signal;
     let (types, vector) = out.split_at_mut(TYPE_COUNT);
-    let wanted = environment.task.cue.action_type as usize;
+    let wanted = environment.task.cue.action_type.index();
     if let Some(action) = action.filter(|a| a.accepted) {
         // The closer the fit, the likelier.
         let fit = action.position / 0.15 + action.direction / 0.3 + action.posture / 0.6;

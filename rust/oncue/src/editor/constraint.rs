@@ -42,6 +42,8 @@ pub struct Constraint {
 /// Two hard targets of one joint on one frame may differ so far, metres and radians.
 const SAME_PLACE: f32 = 1e-3;
 const SAME_TURN: f32 = 5e-3;
+/// Nothing is placed farther from the origin, metres.
+const FARTHEST_PLACE: f32 = 1e5;
 /// A target moves at most so far from one frame to the next, metres: 4 m/s, a fast reach.
 const LARGEST_STEP: f32 = 0.134;
 /// And turns at most so far, radians.
@@ -115,8 +117,8 @@ impl Constraint {
                 self.joint.name()
             )));
         }
-        let numbers = self.offset.is_finite()
-            && self.positions.iter().all(|p| p.is_finite())
+        let numbers = is_place(self.offset)
+            && self.positions.iter().all(|p| is_place(*p))
             && self.rotations.iter().all(|q| q.is_finite() && (q.length() - 1.0).abs() < 1e-2)
             && self.facings.iter().all(|f| f.is_finite());
         if !numbers {
@@ -137,6 +139,35 @@ impl Constraint {
         }
         Ok(())
     }
+}
+
+/// Whether something can be there: numbers, no farther away than single precision places a hand.
+fn is_place(place: Vec3) -> bool {
+    place.is_finite() && place.abs().max_element() < FARTHEST_PLACE
+}
+
+/// Refuses a motion without frames, and one with places or rotations that no body can have, as a key that was scaled by
+/// infinity gives them; so for the floor.
+///
+/// # Errors
+/// `Input`; the sentence names the frame.
+pub(super) fn check_numbers(motion: &Motion, floor: f32) -> Result<()> {
+    if motion.is_empty() {
+        return Err(Error::input("There is no motion to edit: it has no frames."));
+    }
+    if !is_place(Vec3::Z * floor) {
+        return Err(Error::input(format!("The floor's height is {floor}, which is no place.")));
+    }
+    for (frame, posture) in motion.postures.iter().enumerate() {
+        let turned = posture.rotations.iter().all(|q| q.is_finite() && (q.length() - 1.0).abs() < 1e-2);
+        if !(turned && is_place(posture.root_position)) {
+            return Err(Error::input(format!(
+                "The motion has a place or a rotation on frame {frame} that is not a number or far beyond the scene; take the \
+                 key there away."
+            )));
+        }
+    }
+    Ok(())
 }
 
 /// Refuses a path that jumps.

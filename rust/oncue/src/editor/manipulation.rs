@@ -15,15 +15,15 @@ use std::ops::Range;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-use super::constraint::{Constraint, check_path};
+use super::constraint::{Constraint, check_numbers, check_path};
 use super::edit::{EditFigures, reach_frames, whole_span};
 use super::latent::Decoder;
 use super::resolve::{Wishes, resolve};
 use crate::body_solver::is_supported;
-use crate::cue::{ActionType, Hand, ManipulationCue, Task};
+use crate::cue::{Hand, ManipulationCue, Task};
 use crate::error::{Error, Result};
 use crate::math::planar::rotate;
-use crate::motion::skeleton::palm;
+use crate::motion::skeleton::{STANDING_HIPS_HEIGHT, palm};
 use crate::motion::{FRAME_RATE, Joint, Motion};
 use crate::progress::Progress;
 use crate::scene::SceneIndex;
@@ -68,10 +68,8 @@ pub fn check_manipulations(task: &Task) -> Result<()> {
         if cue.first_frame.is_some() {
             continue;
         }
-        let pelvis = match task.cue.action_type {
-            ActionType::Sit => task.cue.position,
-            _ => task.cue.position.with_z(task.start.position.z + 0.93),
-        };
+        let standing = task.start.position.z + STANDING_HIPS_HEIGHT;
+        let pelvis = task.cue.position.with_z(task.cue.pelvis_height().unwrap_or(standing));
         // Of a stop only the place on the floor is sure: who stands bends to what lies low.
         let far = cue.path.iter().map(|p| p.distance(pelvis)).fold(0.0, f32::max);
         if far > FARTHEST {
@@ -111,6 +109,8 @@ pub fn manipulate<D: Decoder>(
     settings: &EditorSettings,
     progress: &Progress,
 ) -> Result<Manipulated> {
+    settings.validate()?;
+    check_numbers(motion, floor)?;
     let Placed { motion, placed, holds } = place(motion, cues, floor, settings)?;
     let constraints: Vec<Constraint> =
         placed.iter().flat_map(|&(first, cue)| constraints(&motion, first, cue)).collect();
@@ -137,6 +137,8 @@ pub fn lengthened(
     floor: f32,
     settings: &EditorSettings,
 ) -> Result<(Motion, Vec<Constraint>)> {
+    settings.validate()?;
+    check_numbers(motion, floor)?;
     let Placed { motion, placed, .. } = place(motion, std::slice::from_ref(cue), floor, settings)?;
     let constraints = placed.iter().flat_map(|&(first, cue)| constraints(&motion, first, cue)).collect();
     Ok((motion, constraints))

@@ -3,7 +3,7 @@
 //! A plain damped solver: it knows nothing of the frames around, of the feet or of balance, and the pelvis stays where it
 //! was. Reach and return are blended between the motion and the first and last solved frame.
 
-use super::constraint::{Constraint, check_constraints};
+use super::constraint::{Constraint, check_constraints, check_numbers};
 use super::edit::{EditFigures, Edited, constraint_figures, span};
 use super::latent::mix;
 use crate::body_solver::{Degrees, Span, Term, correct};
@@ -26,6 +26,8 @@ pub fn plain_ik(
     settings: &EditorSettings,
     progress: &Progress,
 ) -> Result<Edited> {
+    settings.validate()?;
+    check_numbers(motion, 0.0)?;
     check_constraints(motion, constraints)?;
     let joints: Vec<Joint> = constraints.iter().map(|c| c.joint).collect();
     let degrees = Degrees::arm_and_spine(&joints);

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::Quat;
 use serde::{Deserialize, Serialize};
 
-use super::constraint::{Constraint, check_constraints, joint_named};
+use super::constraint::{Constraint, check_constraints, check_numbers, joint_named};
 use super::edit::{Edit, Edited};
 use super::latent::{Decoder, mix};
 use crate::body_solver::Surfaces;
@@ -52,6 +52,8 @@ pub fn resolve<D: Decoder>(
 ) -> Result<Edited> {
     let Wishes { constraints, keys, scene, floor } = *wishes;
     progress.stage("Checking the constraints");
+    settings.validate()?;
+    check_numbers(motion, floor)?;
     check_constraints(motion, constraints)?;
     let mut keyed: BTreeMap<usize, Vec<Joint>> = BTreeMap::new();
     for key in keys {

@@ -8,7 +8,7 @@
 use glam::{Quat, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-use super::constraint::Constraint;
+use super::constraint::{Constraint, check_numbers};
 use super::edit::{Edit, EditFigures, Edited};
 use super::latent::Decoder;
 use crate::body_solver::{FootPlan, Span, Surfaces, correct};
@@ -129,6 +129,8 @@ impl Seat<'_> {
     }
 
     fn check(&self) -> Result<()> {
+        self.settings.validate()?;
+        check_numbers(self.motion, self.floor)?;
         let seated = self.motion.postures.get(self.complete).ok_or_else(|| {
             Error::input(format!("The motion ends before anyone sits at ‘{}’.", self.cue.name))
         })?;

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use super::edit::ConstraintFigures;
 use super::manipulation::{Manipulated, ManipulationFigures, manipulate};
 use super::seat::{Seat, SeatFigures, SeatFit};
-use crate::cue::{ActionType, Task};
+use crate::action::Fit;
+use crate::cue::Task;
 use crate::error::{Error, Result};
 use crate::manifold::Manifold;
 use crate::motion::Motion;
@@ -46,9 +47,10 @@ pub fn edit_for_task(
     progress: &Progress,
 ) -> Result<EditedFigures> {
     let began = Instant::now();
+    settings.validate()?;
     let floor = task.start.position.z;
     let mut out = EditedFigures { complete_frame: complete, ..Default::default() };
-    if task.cue.action_type == ActionType::Sit {
+    if task.cue.action_type.spec().fit == Fit::Seat {
         let seat = Seat { motion, cue: &task.cue, complete, scene: Some(scene), floor, settings };
         match seat.fit(manifold, progress) {
             Ok(SeatFit { motion: fitted, figures, seat }) => {

@@ -8,11 +8,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::calibration::{self, Calibration, Sampler, Sums, UpAxis};
-use super::clip::{ActionLabel, Clip, MotionLibrary, Segment, Source};
+use super::clip::{Clip, MotionLibrary, Segment, Source};
 use super::joint_names::{self, JointMapping, JointTable};
 use super::mocap_file::{self, MocapFile};
 use super::sidecar::{self, Sidecar};
 use super::{contact, foot, label, retarget, starter};
+use crate::action::ActionLabel;
 use crate::error::{Error, Result};
 use crate::motion::{FRAME_RATE, Motion};
 use crate::progress::Progress;
@@ -321,14 +322,14 @@ fn add_starter(library: &mut MotionLibrary, starter: StarterUse, progress: &Prog
         library.clips.iter().flat_map(|c| &c.segments).map(|s| s.label).collect();
     let wanted = |label: ActionLabel| match starter {
         StarterUse::All => true,
-        StarterUse::Missing => label != ActionLabel::Other && !have.contains(&label),
+        StarterUse::Missing => label.is_matched() && !have.contains(&label),
         StarterUse::None => false,
     };
     if library.clips.is_empty() && starter != StarterUse::None {
         *library = starter::generate(progress)?;
         return Ok(());
     }
-    if !ActionLabel::ALL.into_iter().any(wanted) {
+    if !ActionLabel::ALL.iter().copied().any(wanted) {
         return Ok(());
     }
     for mut clip in starter::generate(progress)?.clips {

@@ -2,32 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::action::ActionLabel;
 use crate::motion::Motion;
-
-/// What happens in a stretch of motion.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ActionLabel {
-    /// Locomotion on the feet: any direction, turns included, on the spot too.
-    Walk,
-    /// Standing, feet planted.
-    Idle,
-    /// From standing or the last steps down to the seat.
-    Sit,
-    /// Sitting still.
-    SeatedIdle,
-    /// From the seat to standing.
-    StandUp,
-    /// From walking to standing still.
-    Stop,
-    /// Anything else (run, crouch, lie, carry, jump): kept in the file, not matched.
-    Other,
-}
-
-impl ActionLabel {
-    pub const ALL: [ActionLabel; 7] =
-        [Self::Walk, Self::Idle, Self::Sit, Self::SeatedIdle, Self::StandUp, Self::Stop, Self::Other];
-}
 
 /// Frames `first..end` of a clip, with what happens in them. Segments of a clip do not overlap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -4,12 +4,12 @@
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
-use super::clip::{ActionLabel, MotionLibrary, Segment};
+use super::clip::{MotionLibrary, Segment};
 use super::feature::{
     FUTURE_FRAMES, FeatureWeights, Future, PoseFeature, feature_size, pose_feature, write_feature,
 };
 use super::search::SearchIndex;
-use crate::cue::ActionType;
+use crate::action::{ActionLabel, ActionType, Completion, FutureKind};
 use crate::error::{Error, Result};
 use crate::math::Planar;
 use crate::math::curve::softened;
@@ -128,7 +128,8 @@ pub struct MotionDatabase {
     /// {p_j}, {ṗ_j}, θ_up, c of every frame.
     pub pose_features: Vec<PoseFeature>,
     pub weights: FeatureWeights,
-    indices: [ActionIndex; 3],
+    /// One an action type.
+    indices: [ActionIndex; ActionType::COUNT],
     /// How fast the joints turn in all that is matched.
     pub turns: TurnLimits,
     /// 99.9th percentile of each joint's acceleration in the library, m/s².
@@ -150,6 +151,7 @@ impl MotionDatabase {
     /// # Errors
     /// `Input` where the library has no standing or no walking; `Cancelled`.
     pub fn build(library: &MotionLibrary, weights: &FeatureWeights, progress: &Progress) -> Result<Self> {
+        weights.validate()?;
         let per_clip = library
             .clips
             .par_iter()
@@ -165,10 +167,8 @@ impl MotionDatabase {
         let stands = |f: &DatabaseFrame| f.label == ActionLabel::Idle && f.remaining >= 30;
         let idle_frames =
             (0..frames.len() as u32).filter(|&f| stands(&frames[f as usize])).collect::<Vec<u32>>();
-        let matched = frames
-            .iter()
-            .zip(frames.iter().skip(1))
-            .filter(|(a, _)| a.remaining > 0 && a.label != ActionLabel::Other);
+        let matched =
+            frames.iter().zip(frames.iter().skip(1)).filter(|(a, _)| a.remaining > 0 && a.label.is_matched());
         // Both are carried to the origin: the way from one to the other is put back, or the hips would never turn round.
         let pairs = matched.map(|(a, b)| (a.posture, b.posture.moved(Planar::default(), a.step)));
         let turns = TurnLimits::new(joint_turns(pairs, 0.999));
@@ -195,7 +195,7 @@ impl MotionDatabase {
         for (slot, index) in database.indices.iter_mut().zip(built) {
             *slot = index;
         }
-        if database.indices[ActionType::Walk as usize].search.is_empty() {
+        if database.indices[ActionType::LOCOMOTION.index()].search.is_empty() {
             return Err(Error::input(
                 "The motion library has no walking; add walking clips or the starter library.",
             ));
@@ -231,18 +231,18 @@ impl MotionDatabase {
     /// o_future of a frame, or `None` where it may not be entered for this action.
     pub fn future(&self, action_type: ActionType, frame: usize) -> Option<Future> {
         let f = &self.frames[frame];
-        match action_type {
-            ActionType::Walk => {
-                let walkable = matches!(f.label, ActionLabel::Walk | ActionLabel::Idle | ActionLabel::Stop);
-                // The last 30 frames of a clip have no complete future.
-                (walkable && usize::from(f.remaining) >= FUTURE_FRAMES[2])
-                    .then(|| Future::Walk(FUTURE_FRAMES.map(|ahead| self.travel(frame, ahead))))
-            }
-            ActionType::Sit | ActionType::Stop => {
-                let label = if action_type == ActionType::Sit { ActionLabel::Sit } else { ActionLabel::Stop };
+        let spec = action_type.spec();
+        if !spec.entered_in.contains(&f.label) {
+            return None;
+        }
+        match spec.future {
+            // The last 30 frames of a clip have no complete future.
+            FutureKind::Path => (usize::from(f.remaining) >= FUTURE_FRAMES[2])
+                .then(|| Future::Walk(FUTURE_FRAMES.map(|ahead| self.travel(frame, ahead)))),
+            FutureKind::Completion => {
                 let ahead = f.until_complete;
                 let in_time = ahead >= ENTER_BEFORE && f.until_seated <= ENTER_WITHIN;
-                (f.label == label && in_time && f.remaining >= ahead).then(|| {
+                (in_time && f.remaining >= ahead).then(|| {
                     let end = &self.frames[frame + usize::from(ahead)];
                     Future::Complete(self.travel(frame, usize::from(ahead)), end.posture.root_position.z)
                 })
@@ -258,7 +258,7 @@ impl MotionDatabase {
 
     /// k*: the best frame to enter for `query` (LAMA, eq. 2). `hint` only speeds the search up.
     pub fn search(&self, action_type: ActionType, query: &[f32], hint: Option<usize>) -> Option<FrameMatch> {
-        let index = &self.indices[action_type as usize];
+        let index = &self.indices[action_type.index()];
         let hint = hint.and_then(|f| index.entries.get(f)).filter(|e| **e != u32::MAX).map(|e| *e as usize);
         let found = index.search.nearest(query, hint)?;
         Some(FrameMatch { frame: index.frames[found.entry] as usize, cost: found.cost })
@@ -266,19 +266,19 @@ impl MotionDatabase {
 
     /// The cost of one frame for `query`, or `None` where it may not be entered.
     pub fn cost(&self, action_type: ActionType, query: &[f32], frame: usize) -> Option<f32> {
-        let index = &self.indices[action_type as usize];
+        let index = &self.indices[action_type.index()];
         let entry = *index.entries.get(frame)?;
         (entry != u32::MAX).then(|| index.search.cost(query, entry as usize))
     }
 
     /// How far a sit or stop ends from where it is entered at the most, metres.
     pub fn reach(&self, action_type: ActionType) -> f32 {
-        self.indices[action_type as usize].reach
+        self.indices[action_type.index()].reach
     }
 
     /// How many frames may be entered for an action.
     pub fn entry_count(&self, action_type: ActionType) -> usize {
-        self.indices[action_type as usize].frames.len()
+        self.indices[action_type.index()].frames.len()
     }
 }
 
@@ -296,13 +296,17 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
         let step = if i + 1 < count { here.relative(planars[i + 1]) } else { Planar::default() };
         let nothing = Segment { label: ActionLabel::Other, first: 0, end: count, complete: count };
         let segment = clip.segments.iter().find(|s| (s.first..s.end).contains(&i)).unwrap_or(&nothing);
-        let completes = matches!(segment.label, ActionLabel::Sit | ActionLabel::Stop | ActionLabel::StandUp);
+        let completion = segment.label.completion();
         let complete = segment.complete.min(count.saturating_sub(1));
         let height = |f: usize| motion.postures[f].root_position.z;
         let rests = |f: &usize| height(*f) <= height(complete) + RESTS;
-        let seated = match segment.label {
-            ActionLabel::Sit => (i..complete).find(rests).unwrap_or(complete),
-            _ => complete,
+        let (until_complete, until_seated) = match completion {
+            Completion::Never => (0, 0),
+            Completion::AtItsFrame => (complete.saturating_sub(i), complete.saturating_sub(i)),
+            Completion::OnceSeated => {
+                let seated = (i..complete).find(rests).unwrap_or(complete);
+                (complete.saturating_sub(i), seated.saturating_sub(i))
+            }
         };
         frames.push(DatabaseFrame {
             posture: local,
@@ -314,8 +318,8 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
             clip: clip_index as u32,
             index: i as u32,
             label: segment.label,
-            until_complete: if completes { complete.saturating_sub(i) as u16 } else { 0 },
-            until_seated: if completes { seated.saturating_sub(i) as u16 } else { 0 },
+            until_complete: until_complete as u16,
+            until_seated: until_seated as u16,
             remaining: (count - 1 - i).min(usize::from(u16::MAX)) as u16,
             gives_way: GivesWay::default(),
         });

@@ -10,9 +10,11 @@
 use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::cue::ActionType;
+use crate::action::{ActionType, CueHeight, FutureKind};
+use crate::error::Result;
 use crate::math::Planar;
 use crate::motion::{FRAME_RATE, FootContact, Joint, Pose};
+use crate::settings::range::check_ranges;
 
 /// The j of p_j: end effectors, in the order of the feature.
 pub const END_EFFECTORS: [Joint; 5] =
@@ -29,9 +31,9 @@ pub const FUTURE: usize = 35;
 
 /// Length of a feature of an action type.
 pub const fn feature_size(action_type: ActionType) -> usize {
-    match action_type {
-        ActionType::Walk => FUTURE + 12,
-        ActionType::Sit | ActionType::Stop => FUTURE + 5,
+    match action_type.spec().future {
+        FutureKind::Path => FUTURE + 12,
+        FutureKind::Completion => FUTURE + 5,
     }
 }
 
@@ -141,6 +143,31 @@ impl Default for FeatureWeights {
 }
 
 impl FeatureWeights {
+    /// # Errors
+    /// [`crate::Error::Input`] naming the first value that is negative, too large or not a number.
+    pub fn validate(&self) -> Result<()> {
+        const ANY: std::ops::RangeInclusive<f32> = 0.0..=1e6;
+        check_ranges!(
+            self,
+            "synthesizer.weights",
+            FeatureWeights {
+                foot_position: ANY,
+                hand_position: ANY,
+                foot_velocity: ANY,
+                hand_velocity: ANY,
+                up: ANY,
+                contact: ANY,
+                future_position: ANY,
+                future_direction: ANY,
+                complete_position: ANY,
+                complete_direction: ANY,
+                complete_height: ANY,
+            },
+            free {}
+        );
+        Ok(())
+    }
+
     /// w_f: the factor of each element before the difference is squared (LAMA, eq. 2).
     pub fn vector(&self, action_type: ActionType) -> Vec<f32> {
         let mut squared = vec![0.0; feature_size(action_type)];
@@ -157,18 +184,21 @@ impl FeatureWeights {
         squared[UP..CONTACT].fill(self.up);
         squared[CONTACT..FUTURE].fill(self.contact);
         let future = &mut squared[FUTURE..];
-        match action_type {
-            ActionType::Walk => {
+        match action_type.spec().future {
+            FutureKind::Path => {
                 for i in 0..3 {
                     future[2 * i..2 * i + 2].fill(self.future_position[i]);
                     future[6 + 2 * i..8 + 2 * i].fill(self.future_direction[i]);
                 }
             }
-            ActionType::Sit | ActionType::Stop => {
+            FutureKind::Completion => {
                 future[..2].fill(self.complete_position);
                 future[2..4].fill(self.complete_direction);
                 // A standing pelvis has one height; asking for it would only punish a lively walk.
-                future[4] = if action_type == ActionType::Sit { self.complete_height } else { 0.0 };
+                future[4] = match action_type.spec().height {
+                    CueHeight::Pelvis => self.complete_height,
+                    CueHeight::Standing => 0.0,
+                };
             }
         }
         squared.iter().map(|w| w.sqrt()).collect()
@@ -202,10 +232,12 @@ mod tests {
 
     #[test]
     fn blocks_fill_the_vector() {
-        for action_type in ActionType::ALL {
+        for &action_type in ActionType::ALL {
             let w = FeatureWeights::default().vector(action_type);
             let zero = w.iter().filter(|w| **w == 0.0).count();
-            assert_eq!(zero, usize::from(action_type == ActionType::Stop));
+            let ignores_height = action_type.spec().future == FutureKind::Completion
+                && action_type.spec().height == CueHeight::Standing;
+            assert_eq!(zero, usize::from(ignores_height));
         }
     }
 }

@@ -8,7 +8,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::build::seconds;
-use super::clip::{ActionLabel, Clip, MotionLibrary, Source};
+use super::clip::{Clip, MotionLibrary, Source};
+use crate::action::ActionLabel;
 use crate::data_file::{FileKind, write_whole};
 use crate::error::{Error, Result};
 
@@ -122,7 +123,7 @@ impl MotionLibrary {
 
     /// What the library holds.
     pub fn summary(&self) -> Summary {
-        let rows = ActionLabel::ALL.into_iter().map(|label| {
+        let rows = ActionLabel::ALL.iter().copied().map(|label| {
             let mut row = SummaryRow {
                 label,
                 mocap_seconds: 0.0,

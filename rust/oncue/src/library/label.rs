@@ -4,9 +4,10 @@
 
 use glam::{Vec2, Vec3};
 
-use super::clip::{ActionLabel, Segment};
+use super::clip::Segment;
 use super::contact::runs;
 use super::foot;
+use crate::action::ActionLabel;
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose};
 
 use Joint::*;

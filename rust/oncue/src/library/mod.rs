@@ -23,5 +23,5 @@ pub mod sidecar;
 pub mod starter;
 
 pub use build::{BuiltLibrary, LibrarySettings, Skipped, StarterUse, build};
-pub use clip::{ActionLabel, Clip, MotionLibrary, Segment, Source};
+pub use clip::{Clip, MotionLibrary, Segment, Source};
 pub use file::{Summary, SummaryRow};

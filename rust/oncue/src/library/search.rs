@@ -133,7 +133,9 @@ impl SearchIndex {
         if self.entries == 0 {
             return None;
         }
-        Some(Level::current().run_in_eights(Nearest { index: self, query, hint }))
+        let found = Level::current().run_in_eights(Nearest { index: self, query, hint });
+        // A query that holds what is no number is near to nothing.
+        (found.entry != usize::MAX).then_some(found)
     }
 
     #[inline(always)]

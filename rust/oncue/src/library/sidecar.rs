@@ -34,8 +34,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::calibration::UpAxis;
-use super::clip::{ActionLabel, Segment};
+use super::clip::Segment;
 use super::joint_names::JointMapping;
+use crate::action::{ActionLabel, Completion};
 
 /// The fields of `NAME.oncue.json`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -143,7 +144,7 @@ pub fn override_labels(segments: &[Segment], ranges: &[Segment], count: usize) -
 }
 
 fn completes(label: ActionLabel) -> bool {
-    matches!(label, ActionLabel::Sit | ActionLabel::StandUp | ActionLabel::Stop)
+    label.completion() != Completion::Never
 }
 
 #[cfg(test)]

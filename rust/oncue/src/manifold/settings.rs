@@ -3,9 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::settings::range::check_ranges;
 
 /// Windows that one thread takes at a time.
 pub(super) const CHUNK: usize = 16;
+
+/// Bytes of the sentence in the header of a manifold's file.
+const LONGEST_ORIGIN: usize = 4096;
 
 /// How a manifold is trained. The paper's values where it gives them.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -80,32 +84,50 @@ impl ManifoldSettings {
     /// # Errors
     /// [`Error::Input`] naming the first value that makes no sense.
     pub fn validate(&self) -> Result<()> {
-        let shares = [self.centred, self.augmented, self.test_share, self.validation_share];
-        let scales = [
-            self.learning_rate,
-            self.final_learning_rate,
-            self.noise,
-            self.contact_weight,
-            self.root_weight,
-            self.rotation_weight,
-            self.position_weight,
-            self.path_share,
-        ];
-        let sentence = if !(1..=1024).contains(&self.channels) {
-            format!("The manifold's channels are 1 to 1024, not {}.", self.channels)
-        } else if self.epochs == 0 || self.stride == 0 || self.mocap_repeats == 0 {
-            "The manifold's epochs, stride and mocap_repeats are at least 1.".to_owned()
-        } else if self.batch == 0 || !self.batch.is_multiple_of(CHUNK) {
-            format!("The manifold's batch is a multiple of {CHUNK}, not {}.", self.batch)
-        } else if shares.iter().any(|s| !(0.0..=1.0).contains(s))
-            || self.test_share + self.validation_share > 0.9
-        {
-            "The manifold's shares are 0 to 1, and test and validation together at most 0.9.".to_owned()
-        } else if scales.iter().any(|s| !s.is_finite() || *s < 0.0) {
-            "The manifold's rates, weights and noise are numbers of at least 0.".to_owned()
-        } else {
-            return Ok(());
-        };
-        Err(Error::input(sentence))
+        const WEIGHT: std::ops::RangeInclusive<f32> = 0.0..=1e3;
+        const SHARE: std::ops::RangeInclusive<f32> = 0.0..=1.0;
+        check_ranges!(
+            self,
+            "manifold",
+            ManifoldSettings {
+                channels: 1..=1024,
+                epochs: 1..=100_000,
+                centred: SHARE,
+                batch: CHUNK..=4096,
+                learning_rate: SHARE,
+                final_learning_rate: SHARE,
+                noise: 0.0..=10.0,
+                augmented: SHARE,
+                mocap_repeats: 1..=100,
+                stride: 1..=10_000,
+                contact_weight: WEIGHT,
+                root_weight: WEIGHT,
+                rotation_weight: WEIGHT,
+                position_weight: WEIGHT,
+                path_share: SHARE,
+                test_share: SHARE,
+                validation_share: SHARE,
+            },
+            free { origin }
+        );
+        if !self.batch.is_multiple_of(CHUNK) {
+            return Err(Error::input(format!(
+                "The setting manifold.batch is {}; it must be a multiple of {CHUNK}.",
+                self.batch
+            )));
+        }
+        if self.test_share + self.validation_share > 0.9 {
+            return Err(Error::input(
+                "The settings manifold.test_share and manifold.validation_share must leave a tenth for the training: together they \
+                 are at most 0.9.",
+            ));
+        }
+        if self.origin.len() > LONGEST_ORIGIN {
+            return Err(Error::input(format!(
+                "The setting manifold.origin is {} letters long; it must be a sentence of at most {LONGEST_ORIGIN}.",
+                self.origin.len()
+            )));
+        }
+        Ok(())
     }
 }

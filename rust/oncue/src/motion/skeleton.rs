@@ -129,6 +129,8 @@ pub const REST_HIPS_HEIGHT: f32 = 0.993;
 
 /// Height of the pelvis joint over the seat that a person sits on, metres.
 pub const SEATED_HIPS_HEIGHT: f32 = 0.10;
+/// The same over the floor for a person who stands at ease or has just stopped, metres: knees are never quite straight.
+pub const STANDING_HIPS_HEIGHT: f32 = 0.93;
 
 /// Length of a thigh and of a shin, metres.
 pub const LEG_LENGTH: f32 = 0.444;

@@ -4,7 +4,8 @@ use glam::{Vec2, Vec3};
 
 use super::SceneIndex;
 use super::clear_path::ClearPath;
-use crate::cue::{ActionCue, ActionType, Task};
+use crate::action::{ActionType, Approach};
+use crate::cue::{ActionCue, Task};
 use crate::error::{Error, Result};
 use crate::math::planar::rotate;
 
@@ -33,9 +34,16 @@ const INSIDE: f32 = 0.12;
 pub fn check_task(scene: &SceneIndex, task: &Task) -> Result<()> {
     check_start(scene, task)?;
     check_feet(&task.cue)?;
-    match task.cue.action_type {
-        ActionType::Sit => check_seat(scene, &task.cue)?,
-        _ => check_place(scene, &task.cue)?,
+    let spec = task.cue.action_type.spec();
+    if !spec.has_cue {
+        return Err(Error::input(format!(
+            "Cue ‘{}’ asks for no action that a motion can end with: {} is not one.",
+            task.cue.name, spec.name
+        )));
+    }
+    match spec.approach {
+        Approach::Seat => check_seat(scene, &task.cue)?,
+        Approach::Place => check_place(scene, &task.cue)?,
     }
     check_way(scene, task)
 }
@@ -130,7 +138,7 @@ fn check_cue_place(scene: &SceneIndex, cue: &ActionCue, kind: &str) -> Result<()
         )));
     }
     let under = scene.floor_height() - place.z;
-    if under > START_TOLERANCE || (cue.action_type == ActionType::Sit && under > 0.0) {
+    if under > START_TOLERANCE || (cue.pelvis_height().is_some() && under > 0.0) {
         return Err(Error::input(format!(
             "{kind} cue ‘{name}’ lies {under:.2} m below the floor; raise it."
         )));
@@ -278,7 +286,7 @@ fn check_way(scene: &SceneIndex, task: &Task) -> Result<()> {
         .filter(|&p| from_start.distance(p).is_finite())
         .map(|p| p.distance(goal))
         .fold(f32::INFINITY, f32::min);
-    let kind = if cue.action_type == ActionType::Sit { "Sit" } else { "Stop" };
+    let kind = cue.action_type.spec().name;
     let ends = if nearest.is_finite() {
         format!("the floor that is free for a person ends {nearest:.2} m from the cue")
     } else {

@@ -10,7 +10,8 @@ use super::SceneIndex;
 use super::eikonal::TravelTimes;
 use super::raster::{Raster, Stencil};
 use super::settings::SceneSettings;
-use crate::cue::{ActionCue, ActionType};
+use crate::action::Approach;
+use crate::cue::ActionCue;
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
 
@@ -77,9 +78,10 @@ impl ClearPath {
         let raster = grid.raster;
         let settings = scene.settings();
         let goal = cue.position.truncate();
-        let approach = match cue.action_type {
-            ActionType::Sit => approach_points(scene, cue),
-            _ => vec![ApproachPoint { position: goal, angle: 0.0, cost: 0.0 }],
+        let ends = cue.action_type.spec().approach;
+        let approach = match ends {
+            Approach::Seat => approach_points(scene, cue),
+            Approach::Place => vec![ApproachPoint { position: goal, angle: 0.0, cost: 0.0 }],
         };
         let mut times = TravelTimes::unreached(&raster);
         let clearance = grid.clearance_cells();
@@ -99,7 +101,7 @@ impl ClearPath {
             false,
             f32::INFINITY,
         );
-        if cue.action_type == ActionType::Sit {
+        if ends == Approach::Seat {
             let facing = cue.planar().heading();
             for i in near(&raster, goal, APPROACH.1) {
                 let away = raster.center(i) - goal;

@@ -113,8 +113,9 @@ impl DistanceField {
         let mut cells: Vec<AtomicU8> = Vec::with_capacity(count);
         cells.resize_with(count, || AtomicU8::new(u8::MAX));
         triangles.par_chunks(8192).try_for_each(|chunk| {
-            progress.check()?;
             for triangle in chunk {
+                // A single triangle may pass through every cell of the floor.
+                progress.check()?;
                 // Stores of the same value: the order of the threads does not matter.
                 self.pass_through(triangle, |c| cells[self.index(c)].store(0, Relaxed));
             }
@@ -187,7 +188,8 @@ impl DistanceField {
         let square = |d: i32| ((d.abs() - 1).max(0) as u32).pow(2).min(u32::from(far)) as u8;
         // Along x: the nearest mark on either side.
         let mut rows = marked;
-        rows.par_chunks_mut(nx).for_each(|row| {
+        rows.par_chunks_mut(nx).try_for_each(|row| {
+            progress.check()?;
             let mut distance = vec![REACH + 1; nx];
             let mut last = REACH + 1;
             for (d, &m) in distance.iter_mut().zip(row.iter()) {
@@ -199,13 +201,14 @@ impl DistanceField {
                 last = if *m == 0 { 0 } else { (last + 1).min(REACH + 1) };
                 *m = square((*d).min(last));
             }
-        });
-        progress.check()?;
+            Ok(())
+        })?;
         // Along y, then z: the least of the neighbours' values plus the step between them, whole rows at a time.
         let slices =
             |input: &[u8], stride: usize, length: usize, position: &(dyn Fn(usize) -> usize + Sync)| {
                 let mut out = vec![far; input.len()];
-                out.par_chunks_mut(nx).enumerate().for_each(|(row, out)| {
+                out.par_chunks_mut(nx).enumerate().try_for_each(|(row, out)| {
+                    progress.check()?;
                     let at = position(row) as i32;
                     for d in -REACH..=REACH {
                         if at + d < 0 || at + d >= length as i32 {
@@ -218,17 +221,17 @@ impl DistanceField {
                             *o = (*o).min(f.saturating_add(step));
                         }
                     }
-                });
-                out
+                    Ok(())
+                })?;
+                Ok(out)
             };
-        let rows = slices(&rows, nx, ny, &|row| row % ny);
-        progress.check()?;
-        let squares = slices(&rows, nx * ny, nz, &|row| row / ny);
-        progress.check()?;
+        let rows: Vec<u8> = slices(&rows, nx, ny, &|row| row % ny)?;
+        let squares = slices(&rows, nx * ny, nz, &|row| row / ny)?;
         let table: Vec<u8> = (0..=255u32).map(|s| (f64::from(s).sqrt() * f64::from(STEPS)) as u8).collect();
         let layer = 64 * (self.tiles.x * self.tiles.y) as usize;
         let mut steps = vec![0; layer * nz.div_ceil(4)];
-        steps.par_chunks_mut(layer).enumerate().for_each(|(tile_z, layer)| {
+        steps.par_chunks_mut(layer).enumerate().try_for_each(|(tile_z, layer)| {
+            progress.check()?;
             let z0 = 4 * tile_z as i32;
             for z in z0..(z0 + 4).min(self.size.z) {
                 for y in 0..self.size.y {
@@ -238,7 +241,8 @@ impl DistanceField {
                     }
                 }
             }
-        });
+            Ok(())
+        })?;
         Ok(steps)
     }
 }

@@ -65,8 +65,9 @@ impl OccupancyGrid {
             (FLOOR, floor - settings.floor_tolerance, floor + settings.floor_tolerance),
         ];
         triangles.par_chunks(8192).try_for_each(|chunk| {
-            progress.check()?;
             for triangle in chunk {
+                // A single triangle may cover every cell of the floor.
+                progress.check()?;
                 for (flag, from, to) in layers {
                     grid.draw(triangle, from, to, |i| {
                         flags[i].fetch_or(flag, Relaxed);
@@ -77,11 +78,10 @@ impl OccupancyGrid {
         })?;
         let has = |flag: u8| flags.iter().map(|f| f.load(Relaxed) & flag != 0).collect::<Vec<bool>>();
         grid.occupied = has(OCCUPIED);
-        let floor = grid.without_holes(has(FLOOR));
+        let floor = grid.without_holes(has(FLOOR), progress)?;
         grid.walkable = grid.occupied.iter().zip(&floor).map(|(&o, &f)| f && !o).collect();
-        progress.check()?;
         let blocked: Vec<bool> = grid.walkable.iter().map(|w| !w).collect();
-        grid.clearance = grid.distance_to(&blocked, FARTHEST, true);
+        grid.clearance = grid.distance_to(&blocked, FARTHEST, true, progress)?;
         Ok(grid)
     }
 
@@ -158,23 +158,25 @@ impl OccupancyGrid {
     }
 
     /// The floor with narrow holes closed: grown by [`HOLE`], then shrunk by it, so that its outline stays.
-    fn without_holes(&self, floor: Vec<bool>) -> Vec<bool> {
+    fn without_holes(&self, floor: Vec<bool>, progress: &Progress) -> Result<Vec<bool>> {
         let reach = HOLE + self.raster.cell;
-        let gap: Vec<bool> = self.distance_to(&floor, reach, false).iter().map(|&d| d > HOLE).collect();
-        let grown = self.distance_to(&gap, reach, false);
-        floor.iter().zip(grown).map(|(&f, d)| f || d > HOLE).collect()
+        let gap: Vec<bool> =
+            self.distance_to(&floor, reach, false, progress)?.iter().map(|&d| d > HOLE).collect();
+        let grown = self.distance_to(&gap, reach, false, progress)?;
+        Ok(floor.iter().zip(grown).map(|(&f, d)| f || d > HOLE).collect())
     }
 
     /// Exact distance from each cell's centre to the nearest marked cell (to its border), at most `most`; with
     /// `walled`, everything outside the grid is marked too.
-    fn distance_to(&self, marked: &[bool], most: f32, walled: bool) -> Vec<f32> {
+    fn distance_to(&self, marked: &[bool], most: f32, walled: bool, progress: &Progress) -> Result<Vec<f32>> {
         let (nx, ny) = (self.raster.width, self.raster.height);
         let reach = (most / self.raster.cell).ceil() as usize + 1;
         let square = |d: usize| (d as f32 - 0.5).max(0.0).powi(2);
         let outside = if walled { 0 } else { reach };
         // Cells along the row to the nearest mark.
         let mut rows = vec![reach; nx * ny];
-        rows.par_chunks_mut(nx).zip(marked.par_chunks(nx)).for_each(|(row, marked)| {
+        rows.par_chunks_mut(nx).zip(marked.par_chunks(nx)).try_for_each(|(row, marked)| {
+            progress.check()?;
             let mut last = outside;
             for (d, &m) in row.iter_mut().zip(marked) {
                 last = if m { 0 } else { (last + 1).min(reach) };
@@ -185,9 +187,11 @@ impl OccupancyGrid {
                 last = if m { 0 } else { (last + 1).min(reach) };
                 *d = (*d).min(last);
             }
-        });
+            Ok(())
+        })?;
         let mut out = vec![0.0; nx * ny];
-        out.par_chunks_mut(nx).enumerate().for_each(|(y, out)| {
+        out.par_chunks_mut(nx).enumerate().try_for_each(|(y, out)| {
+            progress.check()?;
             for (x, out) in out.iter_mut().enumerate() {
                 let mut best = square(rows[x + nx * y]);
                 for d in 1..=reach {
@@ -205,7 +209,8 @@ impl OccupancyGrid {
                 }
                 *out = (best.sqrt() * self.raster.cell).min(most);
             }
-        });
-        out
+            Ok(())
+        })?;
+        Ok(out)
     }
 }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::settings::range::check_ranges;
 
 /// The constants of the scene index. Lengths in metres.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -52,49 +53,38 @@ impl Default for SceneSettings {
 }
 
 impl SceneSettings {
-    /// `Err(Input)` naming the first value that makes no sense.
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number, or the heights and clearances that do
+    /// not rise.
     pub fn validate(&self) -> Result<()> {
-        let positive = [
-            ("cell_size", self.cell_size),
-            ("headroom", self.headroom),
-            ("floor_tolerance", self.floor_tolerance),
-            ("blocked_clearance", self.blocked_clearance),
-        ];
-        for (name, value) in positive {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(Error::input(format!(
-                    "The scene setting {name} must be above zero, and is {value}."
-                )));
-            }
-        }
-        if !(self.occupied_from >= 0.0
-            && self.occupied_to > self.occupied_from
-            && self.occupied_to.is_finite())
-        {
+        check_ranges!(
+            self,
+            "scene",
+            SceneSettings {
+                cell_size: 0.005..=1.0,
+                occupied_from: 0.0..=10.0,
+                occupied_to: 0.01..=10.0,
+                floor_height: -1e5..=1e5,
+                carpet_height: 0.0..=1.0,
+                floor_tolerance: 0.001..=2.0,
+                headroom: 0.1..=10.0,
+                max_cells: 1000..=200_000_000,
+                blocked_clearance: 0.01..=2.0,
+                narrow_clearance: 0.01..=2.0,
+                free_clearance: 0.01..=5.0,
+            },
+            free {}
+        );
+        if self.occupied_to <= self.occupied_from {
             return Err(Error::input(format!(
-                "The scene settings occupied_from ({}) and occupied_to ({}) must be heights in rising order.",
+                "The settings scene.occupied_from ({}) and scene.occupied_to ({}) must be heights in rising order.",
                 self.occupied_from, self.occupied_to
             )));
         }
-        if !(self.narrow_clearance > self.blocked_clearance
-            && self.free_clearance > self.narrow_clearance
-            && self.free_clearance.is_finite())
-        {
+        if self.narrow_clearance <= self.blocked_clearance || self.free_clearance <= self.narrow_clearance {
             return Err(Error::input(
-                "The scene settings blocked_clearance, narrow_clearance and free_clearance must rise in this order.",
+                "The settings scene.blocked_clearance, narrow_clearance and free_clearance must rise in this order.",
             ));
-        }
-        if self.max_cells < 1000 {
-            return Err(Error::input(format!(
-                "The scene setting max_cells must be at least 1000, and is {}.",
-                self.max_cells
-            )));
-        }
-        if !(self.carpet_height >= 0.0 && self.carpet_height.is_finite()) {
-            return Err(Error::input("The scene setting carpet_height must not be negative."));
-        }
-        if self.floor_height.is_some_and(|z| !z.is_finite()) {
-            return Err(Error::input("The scene setting floor_height must be a number."));
         }
         Ok(())
     }

@@ -5,7 +5,7 @@
 
 use glam::Vec2;
 
-use crate::cue::{ActionCue, ActionType};
+use crate::cue::ActionCue;
 use crate::library::database::{DatabaseFrame, GivesWay, MotionDatabase};
 use crate::math::Planar;
 use crate::math::curve::smoothstep;
@@ -30,12 +30,7 @@ pub(super) struct Alignment {
 
 impl Alignment {
     pub(super) fn new(cue: &ActionCue) -> Self {
-        Self {
-            target: cue.planar(),
-            height: (cue.action_type == ActionType::Sit).then_some(cue.position.z),
-            lift: 0.0,
-            age: 0.0,
-        }
+        Self { target: cue.planar(), height: cue.pelvis_height(), lift: 0.0, age: 0.0 }
     }
 
     /// Metres added to the pelvis height so far.

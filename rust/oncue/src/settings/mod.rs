@@ -5,7 +5,11 @@
 //! path, with a view of a few metres, stopped when the task is solved.
 //! `docs/decisions/` says why each default departs from the paper.
 
+pub(crate) mod range;
+
 use serde::{Deserialize, Serialize};
+
+use range::{check_length, check_ranges};
 
 use crate::error::{Error, Result};
 use crate::library::feature::FeatureWeights;
@@ -48,6 +52,28 @@ pub struct SynthesizerSettings {
     pub hold_seconds: f32,
 }
 
+impl SynthesizerSettings {
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    pub fn validate(&self) -> Result<()> {
+        check_ranges!(
+            self,
+            "synthesizer",
+            SynthesizerSettings {
+                search_every: 1..=300,
+                reluctance: 0.0..=1e3,
+                refuse_position: 0.0..=1e3,
+                refuse_direction: 0.0..=1e3,
+                refuse_height: 0.0..=1e3,
+                refuse_posture: 0.0..=1e6,
+                hold_seconds: 0.0..=600.0,
+            },
+            free { weights }
+        );
+        self.weights.validate()
+    }
+}
+
 impl Default for SynthesizerSettings {
     fn default() -> Self {
         Self {
@@ -79,6 +105,20 @@ pub struct StateSettings {
     pub scene_position: bool,
     /// The way to the cue along the clear floor.
     pub clear_path: bool,
+}
+
+impl StateSettings {
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    pub fn validate(&self) -> Result<()> {
+        check_ranges!(
+            self,
+            "state",
+            StateSettings { view_cells: 1..=64, view_spacing: 0.01..=10.0 },
+            free { joint_rotations, scene_position, clear_path }
+        );
+        check_length(&self.view_spacing, "state", "view_spacing", 0..=8)
+    }
 }
 
 impl Default for StateSettings {
@@ -123,6 +163,26 @@ pub struct SignalSettings {
     pub propose_clear_path: bool,
     /// Walking pace of that proposal, m/s.
     pub pace: f32,
+}
+
+impl SignalSettings {
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    pub fn validate(&self) -> Result<()> {
+        check_ranges!(
+            self,
+            "signal",
+            SignalSettings {
+                reach: 0.1..=10.0,
+                largest_turn: 0.05..=10.0,
+                offset_scale: 1e-3..=10.0,
+                largest_offset: 0.0..=10.0,
+                pace: 0.1..=5.0,
+            },
+            free { future_form, posture_offset, propose_clear_path }
+        );
+        Ok(())
+    }
 }
 
 impl Default for SignalSettings {
@@ -174,8 +234,40 @@ pub struct RewardSettings {
     pub sigma_reg: f32,
     /// Weight of a completed action, in decisions: without it the policy would rather go on collecting R_tr.
     pub action_scale: f32,
-    /// Discount of every decision of a long way round is too weak; this is taken from each decision.
+    /// Taken from the reward of each decision: the discount alone hardly tells a long way round from a short one.
     pub time_cost: f32,
+}
+
+impl RewardSettings {
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    pub fn validate(&self) -> Result<()> {
+        check_ranges!(
+            self,
+            "reward",
+            RewardSettings {
+                w_tr: -1e3..=1e3,
+                w_act: -1e3..=1e3,
+                w_reg: -1e3..=1e3,
+                collision_rate: 0.0..=1e3,
+                leg_weight: 0.0..=1e3,
+                arm_weight: 0.0..=1e3,
+                body_weight: 0.0..=1e3,
+                ignore_below: 0.0..=10.0,
+                sigma_root: 0.01..=1e3,
+                velocity_threshold: 1e-4..=10.0,
+                sigma_inter: 1e-3..=1e3,
+                sigma_facing: 1e-3..=1e3,
+                transition_rate: 0.0..=1e3,
+                velocity_rate: 0.0..=1e3,
+                sigma_reg: 1e-3..=1e3,
+                action_scale: 0.0..=1e4,
+                time_cost: 0.0..=1e3,
+            },
+            free { collision, geodesic }
+        );
+        Ok(())
+    }
 }
 
 impl Default for RewardSettings {
@@ -217,6 +309,25 @@ pub struct TerminationSettings {
     pub longest: usize,
 }
 
+impl TerminationSettings {
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    pub fn validate(&self) -> Result<()> {
+        check_ranges!(
+            self,
+            "termination",
+            TerminationSettings {
+                collision: 0.0..=1.0,
+                stall_step: 0.0..=1.0,
+                stall_frames: 1..=10_000,
+                longest: 1..=20_000,
+            },
+            free {}
+        );
+        Ok(())
+    }
+}
+
 impl Default for TerminationSettings {
     fn default() -> Self {
         Self { collision: 0.04, stall_step: 0.006, stall_frames: 50, longest: 900 }
@@ -254,6 +365,39 @@ pub struct PpoSettings {
     pub vary_start: f32,
     /// Begin with the policy that ships with Oncue where there is none for the scene, not from scratch.
     pub prior: bool,
+}
+
+impl PpoSettings {
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    pub fn validate(&self) -> Result<()> {
+        check_ranges!(
+            self,
+            "ppo",
+            PpoSettings {
+                policy_layers: 1..=2048,
+                value_layers: 1..=2048,
+                policy_rate: 0.0..=1.0,
+                value_rate: 0.0..=1.0,
+                discount: 0.0..=1.0,
+                lambda: 0.0..=1.0,
+                clip: 1e-3..=10.0,
+                tuples: 1..=500_000,
+                batch: 1..=100_000,
+                epochs: 1..=1000,
+                gradient_norm: 1e-6..=1e6,
+                log_std_future: -10.0..=2.0,
+                log_std_offset: -10.0..=2.0,
+                entropy: 0.0..=10.0,
+                updates: 0..=100_000,
+                solved: 0.0..=2.0,
+                vary_start: 0.0..=1.0,
+            },
+            free { prior }
+        );
+        check_length(&self.policy_layers, "ppo", "policy_layers", 0..=8)?;
+        check_length(&self.value_layers, "ppo", "value_layers", 0..=8)
+    }
 }
 
 impl Default for PpoSettings {
@@ -296,11 +440,135 @@ pub struct KeptSettings {
     /// Where the way is narrow, rollouts vary a^offset by at least this standard deviation, radians (0: as the policy has
     /// it).
     pub narrow_offset: f32,
+    /// What makes one motion better than another.
+    pub weights: CostWeights,
+}
+
+impl KeptSettings {
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    pub fn validate(&self) -> Result<()> {
+        check_ranges!(
+            self,
+            "kept",
+            KeptSettings {
+                rollouts: 1..=100_000,
+                rounds: 0..=1000,
+                branches: 1..=10_000,
+                more_rounds: 0..=1000,
+                narrow_offset: 0.0..=10.0,
+            },
+            free { weights }
+        );
+        self.weights.validate()
+    }
 }
 
 impl Default for KeptSettings {
     fn default() -> Self {
-        Self { rollouts: 128, rounds: 3, branches: 6, more_rounds: 9, narrow_offset: 0.2 }
+        Self {
+            rollouts: 128,
+            rounds: 3,
+            branches: 6,
+            more_rounds: 9,
+            narrow_offset: 0.2,
+            weights: CostWeights::default(),
+        }
+    }
+}
+
+/// What an artist would mind in a motion, and how much: the motion of least cost is kept. Ours; the paper keeps whatever the
+/// policy plays.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CostWeights {
+    /// An action that is never complete, and for each metre of the way that is left then.
+    pub incomplete: f32,
+    pub way_left: f32,
+    /// A cue that is missed.
+    pub missed: f32,
+    /// The pelvis away from its place, per metre, and from its facing, per radian.
+    pub residual: f32,
+    pub facing: f32,
+    /// A frame that counts as penetrating, one in which anything touches, and a single crossing.
+    pub penetrating: f32,
+    pub touching: f32,
+    pub crossing: f32,
+    /// The worst transition, and each, per C_tr + C_vel.
+    pub worst_transition: f32,
+    pub transition: f32,
+    /// The most that a leg hurries in a frame, and each, as a share of its speed.
+    pub worst_hurry: f32,
+    pub hurry: f32,
+    /// The hardest jolt of a joint, and each, over the library's hardest.
+    pub worst_jolt: f32,
+    pub jolt: f32,
+    /// Feet that creep, per metre of contact error.
+    pub contact: f32,
+    /// A metre of detour.
+    pub detour: f32,
+    /// A second.
+    pub second: f32,
+    /// Posture offset, per squared radian and second.
+    pub offset: f32,
+}
+
+impl CostWeights {
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    pub fn validate(&self) -> Result<()> {
+        const ANY: std::ops::RangeInclusive<f32> = 0.0..=1e6;
+        check_ranges!(
+            self,
+            "kept.weights",
+            CostWeights {
+                incomplete: ANY,
+                way_left: ANY,
+                missed: ANY,
+                residual: ANY,
+                facing: ANY,
+                penetrating: ANY,
+                touching: ANY,
+                crossing: ANY,
+                worst_transition: ANY,
+                transition: ANY,
+                worst_hurry: ANY,
+                hurry: ANY,
+                worst_jolt: ANY,
+                jolt: ANY,
+                contact: ANY,
+                detour: ANY,
+                second: ANY,
+                offset: ANY,
+            },
+            free {}
+        );
+        Ok(())
+    }
+}
+
+impl Default for CostWeights {
+    fn default() -> Self {
+        Self {
+            incomplete: 1e4,
+            way_left: 100.0,
+            missed: 1e3,
+            residual: 30.0,
+            facing: 4.0,
+            penetrating: 0.5,
+            touching: 0.2,
+            crossing: 0.01,
+            worst_transition: 1.5,
+            transition: 0.15,
+            worst_hurry: 2.0,
+            hurry: 0.3,
+            worst_jolt: 1.0,
+            jolt: 0.05,
+            contact: 60.0,
+            detour: 0.8,
+            second: 0.25,
+            offset: 0.02,
+        }
     }
 }
 
@@ -332,6 +600,32 @@ pub struct EditorSettings {
     pub reach_seconds_per_metre: f32,
 }
 
+impl EditorSettings {
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    pub fn validate(&self) -> Result<()> {
+        check_ranges!(
+            self,
+            "editor",
+            EditorSettings {
+                learning_rate: 0.0..=1.0,
+                steps: 0..=100_000,
+                met: 0.0..=10.0,
+                w_pos: 0.0..=1e4,
+                w_foot: 0.0..=1e4,
+                w_root: 0.0..=1e4,
+                w_root_velocity: 0.0..=1e4,
+                w_smooth: 0.0..=1e4,
+                blend_seconds: 0.0..=60.0,
+                reach_seconds: 0.0..=60.0,
+                reach_seconds_per_metre: 0.0..=60.0,
+            },
+            free { fit, manifold }
+        );
+        Ok(())
+    }
+}
+
 impl Default for EditorSettings {
     fn default() -> Self {
         Self {
@@ -353,6 +647,21 @@ impl Default for EditorSettings {
 }
 
 impl Settings {
+    /// # Errors
+    /// [`Error::Input`] naming the first value that is out of its range or not a number, by section and field.
+    pub fn validate(&self) -> Result<()> {
+        let Self { synthesizer, state, signal, reward, termination, ppo, kept, scene, editor } = self;
+        synthesizer.validate()?;
+        state.validate()?;
+        signal.validate()?;
+        reward.validate()?;
+        termination.validate()?;
+        ppo.validate()?;
+        kept.validate()?;
+        scene.validate()?;
+        editor.validate()
+    }
+
     /// Names of the presets.
     pub const PRESETS: [&'static str; 2] = ["default", "paper"];
 
