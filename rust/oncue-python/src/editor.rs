@@ -1,11 +1,11 @@
 //! Editing a motion: constraints, keys and hands' cues in, the edited arrays and what is left out.
 
 use numpy::{PyArray2, PyArray3};
-use oncue::editor::latent::manifold_distance;
-use oncue::editor::manipulation::{ManipulationFigures, lengthened, manipulate};
-use oncue::editor::plain_ik::plain_ik as solve_plainly;
-use oncue::editor::seat::{Seat, SeatFigures};
+use oncue::editor::manifold_distance;
+use oncue::editor::plain_ik as solve_plainly;
 use oncue::editor::{Constraint, EditFigures, Key, Wishes, edit_motion as edit, shipped_manifold};
+use oncue::editor::{ManipulationFigures, lengthened, manipulate};
+use oncue::editor::{Seat, SeatFigures};
 use oncue::metrics::{FootFigures, foot_figures};
 use oncue::motion::FRAME_RATE;
 use oncue::motion::smoothness::{Smoothness, smoothness};

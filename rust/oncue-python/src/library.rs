@@ -4,8 +4,8 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use numpy::{PyArray1, PyArrayMethods};
-use oncue::library::database::MotionDatabase;
-use oncue::library::feature::FeatureWeights;
+use oncue::MotionDatabase;
+use oncue::library::FeatureWeights;
 use oncue::library::{LibrarySettings, build, starter};
 use oncue::{MotionLibrary, Progress};
 use pyo3::prelude::*;
@@ -121,7 +121,7 @@ impl Library {
 /// Practice room number `seed`: positions float32 (n, 3), triangles uint32 (m, 3), and the cues that it offers.
 #[pyfunction]
 pub fn practice_room(py: Python<'_>, seed: u64) -> PyResult<Bound<'_, PyAny>> {
-    let room = oncue::practice::practice_room(seed);
+    let room = oncue::internals::practice_room(seed);
     let positions = PyArray1::from_iter(py, room.positions.iter().flat_map(|p| p.to_array()));
     let triangles = PyArray1::from_iter(py, room.triangles.iter().flatten().copied());
     let positions = positions.reshape([room.positions.len(), 3])?;

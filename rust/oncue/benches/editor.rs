@@ -12,13 +12,14 @@ use std::time::Instant;
 
 use glam::Vec3;
 use oncue::Progress;
+use oncue::internals::DecoderWorkspace;
+use oncue::internals::{Adam, Conv1d};
+use oncue::internals::{FEATURES, WINDOW, from_motion};
+use oncue::internals::{Kinematics, RootPath};
 use oncue::library::starter;
-use oncue::manifold::kinematics::{Kinematics, RootPath};
-use oncue::manifold::window::{FEATURES, WINDOW, from_motion};
-use oncue::manifold::{DecoderWorkspace, Manifold, ManifoldSettings, train_manifold};
+use oncue::manifold::{Manifold, ManifoldSettings, train_manifold};
 use oncue::math::Planar;
 use oncue::motion::{JOINT_COUNT, Motion};
-use oncue::nn::{Adam, Conv1d};
 use peer::Work;
 use rayon::prelude::*;
 use serde_json::json;

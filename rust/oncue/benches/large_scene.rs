@@ -10,8 +10,8 @@ use std::time::{Duration, Instant};
 
 use glam::Vec3;
 use mesh::{finer, made_room, peak_memory};
+use oncue::MotionDatabase;
 use oncue::job::Failure;
-use oncue::library::database::MotionDatabase;
 use oncue::library::starter;
 use oncue::scene::SceneIndex;
 use oncue::{

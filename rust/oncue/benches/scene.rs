@@ -22,7 +22,7 @@ use obvhs::BvhBuildParams;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
 use obvhs::ray::Ray;
 use obvhs::triangle::Triangle;
-use oncue::motion::skeleton::LIMB_BOX_COUNT;
+use oncue::internals::LIMB_BOX_COUNT;
 use oncue::motion::{BODY_BOXES, Joint, Pose, Posture};
 use oncue::scene::{ClearPath, SceneIndex, SceneSettings};
 use oncue::{ActionCue, ActionType, Progress};

@@ -2,7 +2,8 @@
 //!
 //! One JSON object a clip: name, segments, contacts (F, 2), positions (F, 22, 3), quality.
 
-use oncue::library::{quality, starter};
+use oncue::internals::quality;
+use oncue::library::starter;
 use oncue::progress::Progress;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

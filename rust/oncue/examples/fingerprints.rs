@@ -8,7 +8,7 @@
 mod boxes;
 
 use glam::Vec3;
-use oncue::library::database::MotionDatabase;
+use oncue::MotionDatabase;
 use oncue::library::starter;
 use oncue::scene::SceneIndex;
 use oncue::{

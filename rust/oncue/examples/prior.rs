@@ -9,10 +9,10 @@
 
 use std::path::PathBuf;
 
+use oncue::MotionDatabase;
 use oncue::controller::{Environment, PolicyOrigin, StoredPolicy, optimize_policy};
-use oncue::library::database::MotionDatabase;
+use oncue::internals::practice_room;
 use oncue::library::starter;
-use oncue::practice::practice_room;
 use oncue::scene::{SceneIndex, check_task};
 use oncue::{InitialState, Progress, Settings, Task};
 

@@ -10,8 +10,8 @@ mod common;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use oncue::MotionDatabase;
 use oncue::library::LibrarySettings;
-use oncue::library::database::MotionDatabase;
 use oncue::scene::SceneIndex;
 use oncue::{MotionLibrary, Progress, Settings, synthesize};
 

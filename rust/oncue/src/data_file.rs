@@ -19,7 +19,7 @@ const MAX_HEADER: usize = 1 << 16;
 
 /// A kind of file.
 #[derive(Debug, Clone, Copy)]
-pub struct FileKind {
+pub(crate) struct FileKind {
     pub magic: &'static [u8; 8],
     /// The newest version that is read and the one that is written.
     pub version: u32,
@@ -31,7 +31,7 @@ pub struct FileKind {
 
 impl FileKind {
     /// The bytes of a file.
-    pub fn pack(&self, header: &str, payload: &[u8]) -> Vec<u8> {
+    pub(crate) fn pack(&self, header: &str, payload: &[u8]) -> Vec<u8> {
         let mut bytes = Vec::with_capacity(payload.len() + header.len() + 48);
         bytes.extend_from_slice(self.magic);
         bytes.extend_from_slice(&self.version.to_le_bytes());
@@ -46,7 +46,7 @@ impl FileKind {
     ///
     /// # Errors
     /// [`Error::DataFile`] where the bytes are foreign, too new, cut off or damaged.
-    pub fn unpack<'a>(&self, bytes: &'a [u8], file: &Path) -> Result<&'a [u8]> {
+    pub(crate) fn unpack<'a>(&self, bytes: &'a [u8], file: &Path) -> Result<&'a [u8]> {
         let refuse = |reason: String| Error::DataFile { file: file.into(), reason };
         let damaged = || self.damaged(file);
         let rest = bytes
@@ -72,7 +72,7 @@ impl FileKind {
     }
 
     /// The error of a file whose content makes no sense.
-    pub fn damaged(&self, file: &Path) -> Error {
+    pub(crate) fn damaged(&self, file: &Path) -> Error {
         Error::DataFile { file: file.into(), reason: format!("it is damaged or cut off; {}.", self.remedy) }
     }
 }
@@ -81,7 +81,7 @@ impl FileKind {
 ///
 /// # Errors
 /// [`Error::Io`] where the system refuses it; an earlier file is then as it was.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".{}.part", std::process::id()));
     let part = path.with_file_name(name);

@@ -13,33 +13,36 @@
 //! One space everywhere, Blender's: right-handed, Z up, metres, quaternions w first at the borders.
 
 pub mod action;
-pub mod body_solver;
+mod body_solver;
 pub mod controller;
 pub mod cue;
-pub mod data_file;
+mod data_file;
 pub mod editor;
 pub mod error;
+#[doc(hidden)]
+pub mod internals;
 pub mod job;
 pub mod library;
 pub mod manifold;
 pub mod math;
 pub mod metrics;
 pub mod motion;
-pub mod nn;
-pub mod practice;
+mod nn;
+mod practice;
 pub mod progress;
 pub mod report;
 pub mod scene;
 pub mod settings;
-pub mod simd;
+mod simd;
 pub mod synthesize;
-pub mod synthesizer;
+mod synthesizer;
 
 pub use action::{ActionLabel, ActionType};
 pub use cue::{ActionCue, Hand, InitialState, ManipulationCue, Task};
 pub use error::{Error, Result};
+pub use glam;
 pub use job::Job;
-pub use library::MotionLibrary;
+pub use library::{MotionDatabase, MotionLibrary};
 pub use motion::{Motion, Posture};
 pub use progress::Progress;
 pub use scene::SceneIndex;

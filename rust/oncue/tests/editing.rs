@@ -6,11 +6,11 @@ use std::sync::OnceLock;
 
 use glam::{Quat, Vec2, Vec3};
 use oncue::ActionLabel;
-use oncue::editor::manipulation::{lengthened, manipulate};
-use oncue::editor::plain_ik::plain_ik;
-use oncue::editor::seat::{Seat, SeatFit};
+use oncue::editor::plain_ik;
 use oncue::editor::{Constraint, Edited, Key, Wishes, check_constraints, edit_motion, shipped_manifold};
-use oncue::library::foot::sole;
+use oncue::editor::{Seat, SeatFit};
+use oncue::editor::{lengthened, manipulate};
+use oncue::internals::foot::sole;
 use oncue::library::starter;
 use oncue::manifold::Manifold;
 use oncue::math::rotation::to_angle_axis;
@@ -312,10 +312,7 @@ fn arc(motion: &Motion, frame: usize, frames: usize) -> Vec<Vec3> {
         .collect()
 }
 
-fn carry(
-    motion: &Motion,
-    cues: &[ManipulationCue],
-) -> oncue::Result<oncue::editor::manipulation::Manipulated> {
+fn carry(motion: &Motion, cues: &[ManipulationCue]) -> oncue::Result<oncue::editor::Manipulated> {
     manipulate(None::<&Manifold>, motion, cues, None, 0.0, &EditorSettings::default(), &Progress::new())
 }
 

@@ -4,7 +4,7 @@
 mod common;
 
 use glam::Vec3;
-use oncue::library::database::MotionDatabase;
+use oncue::MotionDatabase;
 use oncue::library::starter;
 use oncue::motion::{BODY_BOXES, Limb, Pose};
 use oncue::scene::SceneIndex;

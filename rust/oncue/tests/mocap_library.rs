@@ -7,9 +7,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
 use oncue::ActionLabel;
-use oncue::library::calibration::{Sampler, UpAxis, leg_length};
-use oncue::library::retarget::recognize_unit;
-use oncue::library::{BuiltLibrary, Clip, LibrarySettings, StarterUse, build, foot, joint_names, mocap_file};
+use oncue::internals::recognize_unit;
+use oncue::internals::{Sampler, UpAxis, leg_length};
+use oncue::internals::{foot, joint_names, mocap_file};
+use oncue::library::{BuiltLibrary, Clip, LibrarySettings, StarterUse, build};
 use oncue::math::rotation::wrap_angle;
 use oncue::motion::{Joint, Pose};
 use oncue::{Error, Progress};

@@ -9,7 +9,7 @@ use std::thread;
 use std::time::Duration;
 
 use glam::Vec3;
-use oncue::library::database::MotionDatabase;
+use oncue::MotionDatabase;
 use oncue::library::starter;
 use oncue::manifold::ManifoldSettings;
 use oncue::{

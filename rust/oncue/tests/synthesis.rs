@@ -3,8 +3,8 @@
 mod common;
 
 use glam::{Quat, Vec3};
+use oncue::MotionDatabase;
 use oncue::controller::{Environment, EpisodeEnd, StoredPolicy, keep_motion};
-use oncue::library::database::MotionDatabase;
 use oncue::library::starter;
 use oncue::math::rotation::wrap_angle;
 use oncue::metrics::{foot_figures, penetration_figures};

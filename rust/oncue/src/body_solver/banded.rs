@@ -4,37 +4,37 @@ use crate::simd::{Kernel, Level, Simd};
 
 /// The lower band of a symmetric matrix: row i holds columns `i - band ..= i`.
 #[derive(Debug, Clone)]
-pub struct BandedMatrix {
+pub(super) struct BandedMatrix {
     size: usize,
     band: usize,
     rows: Vec<f64>,
 }
 
 impl BandedMatrix {
-    pub fn zeros(size: usize, band: usize) -> Self {
+    pub(super) fn zeros(size: usize, band: usize) -> Self {
         Self { size, band, rows: vec![0.0; size * (band + 1)] }
     }
 
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.rows.fill(0.0);
     }
 
     /// Element (row, column) with `row - band <= column <= row`.
     #[inline]
-    pub fn at(&mut self, row: usize, column: usize) -> &mut f64 {
+    pub(super) fn at(&mut self, row: usize, column: usize) -> &mut f64 {
         &mut self.rows[row * (self.band + 1) + column + self.band - row]
     }
 
     /// Columns `first..=row` of a row.
     #[inline]
-    pub fn row_from(&mut self, row: usize, first: usize) -> &mut [f64] {
+    pub(super) fn row_from(&mut self, row: usize, first: usize) -> &mut [f64] {
         let begin = row * (self.band + 1) + first + self.band - row;
         &mut self.rows[begin..(row + 1) * (self.band + 1)]
     }
 
     /// Replaces the matrix by its lower factor L, A = L·Lᵀ. `false` where A is not positive definite.
     #[must_use]
-    pub fn factorize(&mut self) -> bool {
+    pub(super) fn factorize(&mut self) -> bool {
         Level::current().run_in_eights(Factorization(self))
     }
 
@@ -62,7 +62,7 @@ impl BandedMatrix {
     }
 
     /// Solves L·Lᵀ·x = b in place; the matrix must have been factorized.
-    pub fn solve(&self, x: &mut [f64]) {
+    pub(super) fn solve(&self, x: &mut [f64]) {
         let (band, width) = (self.band, self.band + 1);
         for i in 0..self.size {
             let first = i.saturating_sub(band);

@@ -11,7 +11,7 @@ use crate::motion::{Joint, Pose, Posture};
 
 /// One joint's share of a correction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Part {
+pub(super) enum Part {
     /// The root's place: x, y, z.
     Shift,
     /// A ball joint: an angle-axis vector.
@@ -48,7 +48,7 @@ impl Part {
 
 /// What one number of a correction moves.
 #[derive(Debug, Clone, Copy)]
-pub struct Column {
+pub(crate) struct Column {
     /// The turned joint; the root for a shift.
     pub joint: usize,
     /// World: the axis turned about, or the direction shifted in.
@@ -58,7 +58,7 @@ pub struct Column {
 
 /// A posture to be corrected, with what does not change while it is.
 #[derive(Debug, Clone)]
-pub struct Frame {
+pub(crate) struct Frame {
     pub posture: Posture,
     /// For each hinge, in the order of the parts: its axis in the joint's own frame, its angle, and how far that may go.
     hinges: Vec<Hinge>,
@@ -81,7 +81,7 @@ const SHOWS_ITS_PLANE: f32 = 0.35;
 
 /// All degrees of freedom of a correction.
 #[derive(Debug, Clone)]
-pub struct Degrees {
+pub(crate) struct Degrees {
     parts: Vec<Part>,
     count: usize,
     /// Joints go no further than a person's.
@@ -90,7 +90,7 @@ pub struct Degrees {
 
 impl Degrees {
     /// The whole body, but for shoulders and wrists that `joints` do not ask for; `turned` joints are no hinges.
-    pub fn for_joints(joints: &[Joint], turned: &[Joint]) -> Self {
+    pub(crate) fn for_joints(joints: &[Joint], turned: &[Joint]) -> Self {
         use Joint::*;
         let within = |chain: &[Joint]| joints.iter().any(|j| chain.contains(j));
         let mut parts = vec![Part::Shift];
@@ -117,7 +117,7 @@ impl Degrees {
     }
 
     /// The plain solver of the ablation: one arm (or both) and the spine above a pelvis that stays, without limits.
-    pub fn arm_and_spine(joints: &[Joint]) -> Self {
+    pub(crate) fn arm_and_spine(joints: &[Joint]) -> Self {
         use Joint::*;
         let mut parts: Vec<Part> = [Spine, Spine1, Spine2].map(Part::Ball).to_vec();
         for arm in [[LeftArm, LeftForeArm, LeftHand], [RightArm, RightForeArm, RightHand]] {
@@ -130,12 +130,12 @@ impl Degrees {
     }
 
     /// Numbers of one frame's correction.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.count
     }
 
     /// 1/σ² of each number.
-    pub fn stiffness(&self) -> Vec<f64> {
+    pub(crate) fn stiffness(&self) -> Vec<f64> {
         self.parts
             .iter()
             .flat_map(|p| p.ease()[..p.size()].to_vec())
@@ -160,7 +160,7 @@ impl Degrees {
     }
 
     /// Makes a posture ready to be corrected.
-    pub fn frame(&self, posture: &Posture) -> Frame {
+    pub(crate) fn frame(&self, posture: &Posture) -> Frame {
         let pose = posture.pose();
         let hinges = self
             .parts
@@ -174,7 +174,7 @@ impl Degrees {
     }
 
     /// The posture after a correction.
-    pub fn corrected(&self, frame: &Frame, correction: &[f64]) -> Posture {
+    pub(crate) fn corrected(&self, frame: &Frame, correction: &[f64]) -> Posture {
         let mut posture = frame.posture;
         let mut hinges = frame.hinges.iter();
         for (part, i) in self.indexed() {
@@ -196,7 +196,7 @@ impl Degrees {
     }
 
     /// What each number of the correction moves, at the corrected `pose`.
-    pub fn columns(&self, frame: &Frame, correction: &[f64], pose: &Pose, out: &mut Vec<Column>) {
+    pub(crate) fn columns(&self, frame: &Frame, correction: &[f64], pose: &Pose, out: &mut Vec<Column>) {
         out.clear();
         let mut hinges = frame.hinges.iter();
         for (part, i) in self.indexed() {
@@ -224,7 +224,7 @@ impl Degrees {
 
     /// What is over its limit: where its numbers begin, the direction in which it is (one number for a hinge, three for a
     /// ball joint), and how far, radians.
-    pub fn beyond_limits<'a>(
+    pub(crate) fn beyond_limits<'a>(
         &'a self,
         frame: &'a Frame,
         correction: &'a [f64],
@@ -251,7 +251,7 @@ impl Degrees {
 
 /// A part that is turned further than it goes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Beyond {
+pub(crate) struct Beyond {
     pub first: usize,
     pub size: usize,
     pub direction: [f64; 3],
@@ -300,7 +300,7 @@ fn hinge(posture: &Posture, pose: &Pose, joint: Joint) -> Hinge {
 }
 
 /// Whether turning joint `above` moves joint `below` (or is it).
-pub fn carries(above: usize, below: usize) -> bool {
+pub(super) fn carries(above: usize, below: usize) -> bool {
     CARRIES[below] >> above & 1 == 1
 }
 

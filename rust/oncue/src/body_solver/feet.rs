@@ -11,7 +11,7 @@ use crate::motion::{Joint, Motion, Pose};
 
 /// One foot on one frame.
 #[derive(Debug, Clone, Copy)]
-pub struct Foot {
+pub(crate) struct Foot {
     pub ankle: Vec3,
     pub toe: Vec3,
     pub turn: Quat,
@@ -23,11 +23,11 @@ pub struct Foot {
 }
 
 /// Where foot and toe of each side are to stay on one frame: left ankle, left toe, right ankle, right toe; world, metres.
-pub type FootPlaces = [Vec3; 4];
+pub(crate) type FootPlaces = [Vec3; 4];
 
 /// Both feet of every frame of a motion.
 #[derive(Debug, Clone)]
-pub struct FootPlan {
+pub(crate) struct FootPlan {
     pub feet: Vec<[Foot; 2]>,
 }
 
@@ -36,7 +36,7 @@ const LOCKED: f32 = 2e-4;
 
 impl FootPlan {
     /// The feet as the motion has them.
-    pub fn of(motion: &Motion) -> Self {
+    pub(crate) fn of(motion: &Motion) -> Self {
         let feet = motion
             .postures
             .iter()
@@ -60,12 +60,12 @@ impl FootPlan {
     }
 
     /// For the search along the manifold.
-    pub fn places(&self) -> Vec<FootPlaces> {
+    pub(crate) fn places(&self) -> Vec<FootPlaces> {
         self.feet.iter().map(|[l, r]| [l.ankle, l.toe, r.ankle, r.toe]).collect()
     }
 
     /// What holds the feet of one frame.
-    pub fn terms(&self, frame: usize, floor: f32, out: &mut Vec<Term>) {
+    pub(crate) fn terms(&self, frame: usize, floor: f32, out: &mut Vec<Term>) {
         for (side, foot) in self.feet[frame].iter().enumerate() {
             let [_, _, ankle_joint, toe_joint] = LEGS[side];
             let point = |joint, target, sigma| Term::Point {
@@ -97,7 +97,7 @@ impl FootPlan {
     }
 
     /// Frames of `range` before `frame` in which a foot is in the air, as one stretch: its last swing.
-    pub fn last_swing(&self, side: usize, before: usize) -> Option<Range<usize>> {
+    pub(crate) fn last_swing(&self, side: usize, before: usize) -> Option<Range<usize>> {
         let end = (0..before.min(self.feet.len())).rev().find(|&f| !self.feet[f][side].planted)? + 1;
         let first = (0..end).rev().find(|&f| self.feet[f][side].planted).map_or(0, |f| f + 1);
         Some(first..end)
@@ -105,7 +105,7 @@ impl FootPlan {
 }
 
 /// Whether something other than the feet carries the body: the pelvis is low, or far behind the feet.
-pub fn is_supported(pose: &Pose, floor: f32) -> bool {
+pub(crate) fn is_supported(pose: &Pose, floor: f32) -> bool {
     let hips = pose.position(Joint::Hips);
     let height = hips.z - floor;
     let feet = 0.5 * (pose.position(Joint::LeftFoot) + pose.position(Joint::RightFoot));

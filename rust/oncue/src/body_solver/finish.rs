@@ -14,7 +14,7 @@ use crate::motion::Posture;
 use crate::progress::Progress;
 
 /// Frames over which a correction fades.
-pub const SPREAD: f64 = 7.0;
+pub(crate) const SPREAD: f64 = 7.0;
 /// Most Gauss-Newton steps.
 const STEPS: usize = 40;
 /// No σ is smaller at first than this share of the largest miss, and each step it is allowed to be this much smaller:
@@ -36,7 +36,7 @@ const HARD: f64 = 300.0;
 const LIMIT: f64 = 0.002;
 
 /// A span of frames to be corrected.
-pub struct Span<'a> {
+pub(crate) struct Span<'a> {
     pub postures: &'a [Posture],
     /// Whether the motion goes on before and after the span: the correction then starts and ends there without a kink.
     pub joins: [bool; 2],
@@ -53,7 +53,7 @@ pub struct Span<'a> {
 ///
 /// # Errors
 /// `Cancelled`.
-pub fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
+pub(crate) fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
     let (frames, n) = (span.postures.len(), span.degrees.count());
     let ready: Vec<Frame> = span.postures.iter().map(|p| span.degrees.frame(p)).collect();
     let mut x = vec![0.0f64; frames * n];

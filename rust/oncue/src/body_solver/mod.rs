@@ -10,8 +10,8 @@ mod finish;
 mod term;
 mod touch;
 
-pub use degrees::Degrees;
-pub use feet::{FootPlaces, FootPlan, is_supported};
-pub use finish::{SPREAD, Span, correct};
-pub use term::{Term, centre_of_mass};
-pub use touch::Surfaces;
+pub(crate) use degrees::Degrees;
+pub(crate) use feet::{FootPlaces, FootPlan, is_supported};
+pub(crate) use finish::{SPREAD, Span, correct};
+pub(crate) use term::{Term, centre_of_mass};
+pub(crate) use touch::Surfaces;

@@ -11,7 +11,7 @@ const FALLS: f32 = 2e-4;
 
 /// Something that one frame's posture should meet. σ is the miss that weighs as much as a joint turned by its ease.
 #[derive(Debug, Clone, Copy)]
-pub enum Term {
+pub(crate) enum Term {
     /// A point in a joint's frame is at a place; σ for each world axis, metres.
     Point { joint: Joint, offset: Vec3, target: Vec3, sigma: Vec3 },
     /// A joint is turned as given in the world; σ radians.
@@ -43,7 +43,7 @@ const WEIGHTS: [(Joint, f32); 11] = [
 ];
 
 /// Where the body's weight is, on the floor.
-pub fn centre_of_mass(pose: &Pose) -> Vec2 {
+pub(crate) fn centre_of_mass(pose: &Pose) -> Vec2 {
     WEIGHTS.iter().map(|&(joint, share)| pose.position(joint).truncate() * share).sum()
 }
 
@@ -69,7 +69,7 @@ enum Moved {
 
 impl Row {
     /// How the miss changes with each column, into `out`.
-    pub fn derivative(&self, columns: &[Column], pose: &Pose, out: &mut [f64]) {
+    pub(super) fn derivative(&self, columns: &[Column], pose: &Pose, out: &mut [f64]) {
         let lever = |column: &Column, joint: usize, point: Vec3, direction: Vec3| {
             if column.shifts {
                 direction.dot(column.axis)

@@ -23,7 +23,7 @@ const BACK_JOINTS: [Joint; 3] = [Joint::Spine1, Joint::Spine2, Joint::Neck];
 
 /// The surfaces of a scene as a seated body meets them.
 #[derive(Clone, Copy)]
-pub struct Surfaces<'a> {
+pub(crate) struct Surfaces<'a> {
     pub scene: &'a SceneIndex,
     /// World height of the floor, metres.
     pub floor: f32,
@@ -31,7 +31,7 @@ pub struct Surfaces<'a> {
 
 impl Surfaces<'_> {
     /// Keeps thighs and back of a seated body out of what carries them.
-    pub fn terms(&self, pose: &Pose, out: &mut Vec<Term>) {
+    pub(crate) fn terms(&self, pose: &Pose, out: &mut Vec<Term>) {
         if !is_supported(pose, self.floor) {
             return;
         }
@@ -52,13 +52,13 @@ impl Surfaces<'_> {
     }
 
     /// How deep a thigh is in the seat, metres.
-    pub fn thigh_depth(&self, pose: &Pose, side: usize) -> f32 {
+    pub(crate) fn thigh_depth(&self, pose: &Pose, side: usize) -> f32 {
         let depth = |(_, point): (Vec3, Vec3)| self.under(point).map_or(0.0, |surface| surface - point.z);
         under_thigh(pose, side).map(depth).fold(0.0, f32::max)
     }
 
     /// How deep the back is in the backrest, metres.
-    pub fn back_depth(&self, pose: &Pose) -> f32 {
+    pub(crate) fn back_depth(&self, pose: &Pose) -> f32 {
         let depth = |joint: Joint| {
             let point = pose.position(joint) + pose.rotation(joint) * (Vec3::Y * BACK);
             self.behind(pose, joint).map_or(0.0, |least| least - ahead(pose).dot(point))

@@ -199,7 +199,7 @@ fn vary_arms(
 }
 
 /// One rollout from `start`: how it ended and its figures. `map`: [`super::policy::Normalizer::map`].
-pub fn play_once(
+pub(crate) fn play_once(
     environment: &Environment,
     policy: &Policy,
     map: &[(f32, f32)],

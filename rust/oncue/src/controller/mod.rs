@@ -3,23 +3,23 @@
 //! [`state`] s_t = ψ(m_{t-1}, m_t, W, φ_A) → [`policy`] π → [`signal`] a_t → [`episode`] (S plays it in an [`environment`],
 //! [`reward`] R_total judges it) → [`ppo`] improves π → [`optimize`] runs the loop and [`kept`] chooses the motion.
 
-pub mod environment;
-pub mod episode;
-pub mod kept;
-pub mod optimize;
-pub mod policy;
-pub mod policy_file;
-pub mod ppo;
-pub mod reward;
-pub mod robustness;
-pub mod rollout;
-pub mod signal;
-pub mod state;
+pub(crate) mod environment;
+pub(crate) mod episode;
+pub(crate) mod kept;
+pub(crate) mod optimize;
+pub(crate) mod policy;
+pub(crate) mod policy_file;
+pub(crate) mod ppo;
+pub(crate) mod reward;
+pub(crate) mod robustness;
+pub(crate) mod rollout;
+pub(crate) mod signal;
+pub(crate) mod state;
 
 pub use environment::Environment;
-pub use episode::EpisodeEnd;
+pub use episode::{EpisodeEnd, Tally};
 pub use kept::{KeptMotion, keep_motion};
-pub use optimize::{OptimizedPolicy, optimize_policy};
+pub use optimize::{OptimizedPolicy, UpdateFigures, optimize_policy};
 pub use policy::Policy;
 pub use policy_file::{PolicyOrigin, StoredPolicy, request_of};
-pub use robustness::{Robustness, RobustnessSettings, robustness};
+pub use robustness::{Robustness, RobustnessSettings, StartFigures, robustness};

@@ -74,7 +74,7 @@ pub struct Policy {
 }
 
 /// Logits in front of the action vector.
-pub const TYPE_COUNT: usize = ActionType::COUNT;
+pub(crate) const TYPE_COUNT: usize = ActionType::COUNT;
 
 impl Policy {
     pub fn new(state_size: usize, settings: &Settings, rng: &mut impl Rng) -> Self {
@@ -207,7 +207,7 @@ pub fn draw(
 }
 
 /// Softmax over the allowed types.
-pub fn type_probabilities(logits: &[f32], allowed: [bool; TYPE_COUNT]) -> [f32; TYPE_COUNT] {
+pub(crate) fn type_probabilities(logits: &[f32], allowed: [bool; TYPE_COUNT]) -> [f32; TYPE_COUNT] {
     let top = (0..TYPE_COUNT).filter(|i| allowed[*i]).map(|i| logits[i]).fold(f32::NEG_INFINITY, f32::max);
     let mut p = [0.0; TYPE_COUNT];
     for i in (0..TYPE_COUNT).filter(|i| allowed[*i]) {
@@ -218,7 +218,7 @@ pub fn type_probabilities(logits: &[f32], allowed: [bool; TYPE_COUNT]) -> [f32; 
 }
 
 /// log π(a): of the type and of the vector.
-pub fn log_probability(
+pub(crate) fn log_probability(
     p: &[f32; TYPE_COUNT],
     action_type: usize,
     mean: &[f32],

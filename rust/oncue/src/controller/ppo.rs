@@ -27,7 +27,7 @@ pub struct Ppo {
 }
 
 /// Advantages and returns of a batch (GAE, Schulman et al. 2016).
-pub fn advantages(
+pub(crate) fn advantages(
     tuples: &Tuples,
     values: &[f32],
     last_values: &[f32],

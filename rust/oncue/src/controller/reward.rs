@@ -6,7 +6,7 @@ use crate::motion::{BODY_BOXES, Limb};
 use crate::settings::RewardSettings;
 
 /// r_coli = exp(-1/σ_coli² Σ_b w_b ρ(b, W)), LAMA eq. 4. `counts`: ρ of each of [`BODY_BOXES`].
-pub fn collision_reward(counts: &[u32; BODY_BOXES.len()], settings: &RewardSettings) -> f32 {
+pub(crate) fn collision_reward(counts: &[u32; BODY_BOXES.len()], settings: &RewardSettings) -> f32 {
     if !settings.collision {
         return 1.0;
     }
@@ -29,7 +29,7 @@ pub fn collision_reward(counts: &[u32; BODY_BOXES.len()], settings: &RewardSetti
 ///
 /// As the crow flies it has local minima behind every table, so by default the way is the one along
 /// the clear floor, and its first power: the square is flat a few metres away.
-pub fn position_reward(distance: f32, settings: &RewardSettings) -> f32 {
+pub(crate) fn position_reward(distance: f32, settings: &RewardSettings) -> f32 {
     let s = distance / settings.sigma_root;
     if settings.geodesic { (-s).exp() } else { (-s * s).exp() }
 }
@@ -37,25 +37,25 @@ pub fn position_reward(distance: f32, settings: &RewardSettings) -> f32 {
 /// r_vel, LAMA eq. 6: 1 from σ_th on, and a share that grows with the square below. `step`: metres a frame.
 ///
 /// The paper's σ_vel is chosen so that the two meet at σ_th.
-pub fn velocity_reward(step: f32, settings: &RewardSettings) -> f32 {
+pub(crate) fn velocity_reward(step: f32, settings: &RewardSettings) -> f32 {
     let s = step / settings.velocity_threshold;
     (s * s).min(1.0)
 }
 
 /// r_inter = exp(-Σ ‖p_j - q_j‖²/σ_inter²), LAMA eq. 7, and the facing, which the cue asks for too.
-pub fn interaction_reward(distances: &[f32], facing: f32, settings: &RewardSettings) -> f32 {
+pub(crate) fn interaction_reward(distances: &[f32], facing: f32, settings: &RewardSettings) -> f32 {
     let sum: f32 = distances.iter().map(|d| d * d).sum();
     let f = wrap_angle(facing) / settings.sigma_facing;
     (-sum / settings.sigma_inter.powi(2) - f * f).exp()
 }
 
 /// r_Δt · r_Δv = exp(-σ²_Δt C_tr) · exp(-σ²_Δv C_vel), LAMA eq. 8.
-pub fn transition_reward(cost: TransitionCost, settings: &RewardSettings) -> f32 {
+pub(crate) fn transition_reward(cost: TransitionCost, settings: &RewardSettings) -> f32 {
     (-settings.transition_rate * cost.posture - settings.velocity_rate * cost.velocity).exp()
 }
 
 /// R_reg = exp(-1/σ_reg² (‖m̂_t - m_t‖² + ‖m_t - m_{t-1}‖²)). Squared radians, mean over a joint.
-pub fn regularization_reward(offset: f32, change: f32, settings: &RewardSettings) -> f32 {
+pub(crate) fn regularization_reward(offset: f32, change: f32, settings: &RewardSettings) -> f32 {
     (-(offset + change) / settings.sigma_reg.powi(2)).exp()
 }
 
@@ -69,7 +69,7 @@ pub struct TransitionCost {
 }
 
 /// C_tr, C_vel between a query and a database frame; `weights`: w_f.
-pub fn transition_cost(query: &PoseFeature, matched: &PoseFeature, weights: &[f32]) -> TransitionCost {
+pub(crate) fn transition_cost(query: &PoseFeature, matched: &PoseFeature, weights: &[f32]) -> TransitionCost {
     let part = |range: std::ops::Range<usize>| -> f32 {
         range.map(|i| (weights[i] * (query[i] - matched[i])).powi(2)).sum()
     };

@@ -119,7 +119,7 @@ pub fn robustness(
 }
 
 /// Places on a grid where a person can stand and from which the task can be done.
-pub fn valid_starts(environment: &Environment, spacing: f32) -> Vec<InitialState> {
+pub(crate) fn valid_starts(environment: &Environment, spacing: f32) -> Vec<InitialState> {
     let (low, high) = environment.scene.bounds();
     let floor = environment.scene.floor_height();
     let counts = ((high - low).truncate() / spacing).floor().as_usizevec2();

@@ -11,7 +11,7 @@ use crate::settings::{FutureForm, SignalSettings};
 use crate::synthesizer::{OFFSET_JOINTS, PostureOffset};
 
 /// Numbers of a^offset.
-pub const OFFSET_SIZE: usize = 3 * OFFSET_JOINTS.len();
+pub(crate) const OFFSET_SIZE: usize = 3 * OFFSET_JOINTS.len();
 
 /// a_t.
 #[derive(Debug, Clone, Copy, PartialEq)]

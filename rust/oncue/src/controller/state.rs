@@ -48,7 +48,7 @@ pub struct Observation {
 }
 
 /// Length of s_t.
-pub fn state_size(settings: &StateSettings) -> usize {
+pub(crate) fn state_size(settings: &StateSettings) -> usize {
     let body = BODY_SIZE + if settings.joint_rotations { 2 * ROTATIONS } else { 0 };
     let scene = settings.view_cells.pow(2) * settings.view_spacing.len()
         + if settings.scene_position { 2 } else { 0 };
@@ -73,7 +73,7 @@ const INTERACTION_SIZE: usize = 2 + 2 + 2 + 1 + 1 + 5 + ActionType::CUE_COUNT;
 
 /// Writes s_t to `out` (as long as [`state_size`]) and says what is open and proposed. `likely`: a database frame near
 /// which the best sit or stop may be found; it only speeds that up.
-pub fn observe(
+pub(crate) fn observe(
     environment: &Environment,
     character: &Character,
     before: &Posture,

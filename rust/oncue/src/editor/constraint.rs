@@ -225,7 +225,7 @@ pub fn check_constraints(motion: &Motion, constraints: &[Constraint]) -> Result<
 ///
 /// # Errors
 /// `Input` naming it and those there are.
-pub fn joint_named(name: &str) -> Result<Joint> {
+pub(crate) fn joint_named(name: &str) -> Result<Joint> {
     NAMES.iter().position(|n| *n == name).map(|i| Joint::ALL[i]).ok_or_else(|| {
         Error::input(format!("The character has no bone ‘{name}’; its bones are {}.", NAMES.join(", ")))
     })
@@ -234,11 +234,11 @@ pub fn joint_named(name: &str) -> Result<Joint> {
 mod by_name {
     use super::*;
 
-    pub fn serialize<S: Serializer>(joint: &Joint, to: S) -> std::result::Result<S::Ok, S::Error> {
+    pub(super) fn serialize<S: Serializer>(joint: &Joint, to: S) -> std::result::Result<S::Ok, S::Error> {
         to.serialize_str(joint.name())
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Joint, D::Error> {
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Joint, D::Error> {
         let name = String::deserialize(from)?;
         joint_named(&name).map_err(serde::de::Error::custom)
     }
@@ -247,11 +247,16 @@ mod by_name {
 pub(crate) mod w_first {
     use super::*;
 
-    pub fn serialize<S: Serializer>(rotations: &[Quat], to: S) -> std::result::Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(
+        rotations: &[Quat],
+        to: S,
+    ) -> std::result::Result<S::Ok, S::Error> {
         to.collect_seq(rotations.iter().map(|q| [q.w, q.x, q.y, q.z]))
     }
 
-    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<Vec<Quat>, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(
+        from: D,
+    ) -> std::result::Result<Vec<Quat>, D::Error> {
         let numbers = Vec::<[f32; 4]>::deserialize(from)?;
         Ok(numbers.into_iter().map(|[w, x, y, z]| Quat::from_xyzw(x, y, z, w)).collect())
     }

@@ -96,7 +96,7 @@ pub(super) struct Edit<'a> {
 }
 
 impl<'a> Edit<'a> {
-    pub fn new(
+    pub(super) fn new(
         motion: &'a Motion,
         constraints: &'a [Constraint],
         floor: f32,
@@ -188,7 +188,7 @@ impl<'a> Edit<'a> {
     }
 
     /// Runs the edit; frames outside the span are those of the motion, bit for bit.
-    pub fn run<D: Decoder>(&self, decoder: Option<&D>, progress: &Progress) -> Result<Edited> {
+    pub(super) fn run<D: Decoder>(&self, decoder: Option<&D>, progress: &Progress) -> Result<Edited> {
         let began = Instant::now();
         progress.stage("Editing the motion");
         let (base, figures) = match decoder.filter(|_| self.settings.manifold) {
@@ -318,7 +318,7 @@ impl<'a> Edit<'a> {
         correct(&span, progress)
     }
 
-    pub fn degrees(&self) -> Degrees {
+    pub(super) fn degrees(&self) -> Degrees {
         let joints: Vec<Joint> =
             self.constraints.iter().map(|c| c.joint).chain(self.exact.iter().map(|e| e.1)).collect();
         let turned: Vec<Joint> = self
@@ -332,7 +332,7 @@ impl<'a> Edit<'a> {
     }
 
     /// Everything that one frame should meet.
-    pub fn terms(&self, frame: usize) -> Vec<Term> {
+    pub(super) fn terms(&self, frame: usize) -> Vec<Term> {
         let mut out = Vec::new();
         let posture = &self.motion.postures[frame];
         let pose = posture.pose();
@@ -409,7 +409,7 @@ impl<'a> Edit<'a> {
     ///
     /// # Errors
     /// `Unreachable`; the sentence says by how much and which way to move the cue.
-    pub fn check_reach(&self, constraints: &[Constraint], progress: &Progress) -> Result<()> {
+    pub(super) fn check_reach(&self, constraints: &[Constraint], progress: &Progress) -> Result<()> {
         /// Frames looked at for each constraint.
         const LOOKS: usize = 9;
         /// A miss that the whole edit may still close, metres.
@@ -538,7 +538,7 @@ fn least_jerk(t: f32) -> f32 {
 }
 
 /// What is left of a constraint in a motion.
-pub fn constraint_figures(c: &Constraint, motion: &Motion) -> ConstraintFigures {
+pub(crate) fn constraint_figures(c: &Constraint, motion: &Motion) -> ConstraintFigures {
     let (mut places, mut turns) = (Vec::new(), Vec::new());
     for frame in c.frames() {
         let Some(posture) = motion.postures.get(frame) else { continue };

@@ -14,7 +14,7 @@ const STEPS: f32 = 0.004;
 const STEP_LIFT: f32 = 0.25;
 /// Gives way to constraints that ask for a foot to be elsewhere: around them the foot steps there and back, as `fade`
 /// (0 to 1 over the frames of `span`) has it.
-pub fn follow(
+pub(super) fn follow(
     plan: &mut FootPlan,
     constraints: &[Constraint],
     span: &Range<usize>,

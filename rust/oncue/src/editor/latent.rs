@@ -13,11 +13,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::body_solver::FootPlaces;
 use crate::error::Result;
+use crate::manifold::Manifold;
+use crate::manifold::autoencoder::DecoderWorkspace;
 use crate::manifold::kinematics::{Kinematics, RootPath};
 use crate::manifold::window::{
     CONTACTS, FEATURES, HEIGHT, ROTATIONS, STEP, WINDOW, from_motion, rotation, rotation_range, to_motion,
 };
-use crate::manifold::{DecoderWorkspace, Manifold};
 use crate::math::rotation::{from_angle_axis, to_angle_axis};
 use crate::motion::{JOINT_COUNT, Joint, Motion, Posture};
 use crate::nn::Adam;
@@ -38,7 +39,7 @@ pub trait Decoder: Sync {
 
 /// Where one joint is to be on one frame.
 #[derive(Debug, Clone, Copy)]
-pub struct Target {
+pub(crate) struct Target {
     pub frame: usize,
     pub joint: Joint,
     /// The point of the joint that `position` places, in the joint's frame.
@@ -48,10 +49,11 @@ pub struct Target {
 }
 
 /// The joints of [`FootPlaces`], in its order.
-pub const FOOT_JOINTS: [Joint; 4] = [Joint::LeftFoot, Joint::LeftToe, Joint::RightFoot, Joint::RightToe];
+pub(crate) const FOOT_JOINTS: [Joint; 4] =
+    [Joint::LeftFoot, Joint::LeftToe, Joint::RightFoot, Joint::RightToe];
 
 /// What the search is to do with a motion.
-pub struct Search<'a> {
+pub(crate) struct Search<'a> {
     /// On a floor at z = 0.
     pub motion: &'a Motion,
     /// The frames that may change.
@@ -77,7 +79,7 @@ pub struct SearchFigures {
 ///
 /// # Errors
 /// `Cancelled`.
-pub fn search<D: Decoder>(
+pub(crate) fn search<D: Decoder>(
     decoder: &D,
     search: &Search,
     progress: &Progress,
@@ -167,7 +169,7 @@ fn windows(span: &Range<usize>, frames: usize) -> Vec<usize> {
 }
 
 /// A share `t` of the way from one posture to another.
-pub fn mix(a: &Posture, b: &Posture, t: f32) -> Posture {
+pub(crate) fn mix(a: &Posture, b: &Posture, t: f32) -> Posture {
     Posture {
         root_position: a.root_position.lerp(b.root_position, t),
         rotations: std::array::from_fn(|j| {

@@ -8,20 +8,23 @@
 //! what is left. Who asks is [`seat`] (the action cue), [`manipulation`] (the hands' cues) and [`resolve`] (the artist);
 //! [`task`] is the editor's part of the main job, and [`plain_ik`] what it is compared with.
 
-pub mod constraint;
-pub mod edit;
+pub(crate) mod constraint;
+pub(crate) mod edit;
 mod foot_following;
-pub mod latent;
-pub mod manipulation;
-pub mod plain_ik;
-pub mod resolve;
-pub mod seat;
-pub mod task;
+pub(crate) mod latent;
+pub(crate) mod manipulation;
+pub(crate) mod plain_ik;
+pub(crate) mod resolve;
+pub(crate) mod seat;
+pub(crate) mod task;
 
 pub use constraint::{Constraint, check_constraints};
 pub use edit::{ConstraintFigures, EditFigures, Edited};
-pub use manipulation::check_manipulations;
+pub use latent::{SearchFigures, manifold_distance};
+pub use manipulation::{Manipulated, ManipulationFigures, check_manipulations, lengthened, manipulate};
+pub use plain_ik::plain_ik;
 pub use resolve::{Key, Wishes};
+pub use seat::{Seat, SeatFigures, SeatFit};
 pub use task::{EditedFigures, edit_for_task};
 
 use crate::error::Result;

@@ -43,7 +43,7 @@ pub struct Wishes<'a> {
 /// # Errors
 /// `Input` for contradictions, paths that jump, bones that are none and ranges outside the motion; `Unreachable`, by how
 /// much and which way; `Cancelled`.
-pub fn resolve<D: Decoder>(
+pub(crate) fn resolve<D: Decoder>(
     decoder: Option<&D>,
     motion: &Motion,
     wishes: &Wishes,

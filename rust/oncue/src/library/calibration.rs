@@ -117,7 +117,7 @@ pub fn leg_length(file: &MocapFile, table: &JointTable) -> f32 {
 }
 
 /// How much the motion speaks for Y and for Z as the up axis: the head stands over the ankles.
-pub fn up_scores(file: &MocapFile, table: &JointTable) -> [f64; 2] {
+pub(crate) fn up_scores(file: &MocapFile, table: &JointTable) -> [f64; 2] {
     let mut pose = MocapPose::default();
     let count = file.frame_count();
     let step = (count / 100).max(1);
@@ -136,7 +136,7 @@ pub fn up_scores(file: &MocapFile, table: &JointTable) -> [f64; 2] {
 
 /// Sums over frames, of one file or of all files with one skeleton.
 #[derive(Debug, Clone, Default)]
-pub struct Sums {
+pub(crate) struct Sums {
     /// Σ w R⁻¹ · (left, back, up) of the frame that the joint stands for.
     frames: [[DVec3; 3]; JOINT_COUNT],
     spine: Vec<[DVec3; 3]>,
@@ -153,7 +153,7 @@ pub struct Sums {
 
 /// Second moments of where flat feet stand, each file about its own mean: the slope of the captured floor.
 #[derive(Debug, Clone, Copy, Default)]
-pub struct FloorSums {
+pub(crate) struct FloorSums {
     xx: f64,
     xy: f64,
     yy: f64,
@@ -188,7 +188,7 @@ impl FloorSums {
     }
 
     /// Slope (dz/dx, dz/dy) by least squares, drawn towards `expected`.
-    pub fn slope(&self, expected: Vec2) -> Vec2 {
+    pub(crate) fn slope(&self, expected: Vec2) -> Vec2 {
         let e = expected.as_dvec2();
         let (a, b, c) = (self.xx + FLOOR_PRIOR, self.xy, self.yy + FLOOR_PRIOR);
         let r = DVec2::new(self.zx, self.zy) + FLOOR_PRIOR * e;
@@ -198,7 +198,7 @@ impl FloorSums {
 }
 
 impl Sums {
-    pub fn add(&mut self, other: &Sums) {
+    pub(crate) fn add(&mut self, other: &Sums) {
         for (a, b) in self.frames.iter_mut().flatten().zip(other.frames.iter().flatten()) {
             *a += *b;
         }
@@ -228,7 +228,7 @@ impl Sums {
     /// The sums that a file is calibrated by: the group's for trunk and head, so that one stooping take is not
     /// straightened; its own for feet and hinges, which sit differently from session to session, with the group's
     /// to fall back on.
-    pub fn with_group(&self, group: &Sums) -> Sums {
+    pub(crate) fn with_group(&self, group: &Sums) -> Sums {
         let mut out = group.clone();
         for joint in [LeftFoot, LeftToe, RightFoot, RightToe] {
             let (own, group) = (&self.frames[joint.index()], &group.frames[joint.index()]);
@@ -273,7 +273,7 @@ fn toe_position(s: &Sampler, side: usize) -> Vec3 {
 }
 
 /// Measures the sums of one file.
-pub fn measure(sampler: &mut Sampler) -> Sums {
+pub(crate) fn measure(sampler: &mut Sampler) -> Sums {
     let s = sampler;
     let count = s.frame_count();
     let mut seen = Vec::with_capacity(count);
@@ -435,7 +435,7 @@ fn add_flat_foot(sums: &mut Sums, s: &Sampler, side: usize, weight: f32) {
 
 /// The rotations C.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Calibration {
+pub(crate) struct Calibration {
     /// `None` where the file has no such joint, or nothing was measured.
     pub joints: [Option<Quat>; JOINT_COUNT],
     pub spine: Vec<Quat>,
@@ -444,7 +444,7 @@ pub struct Calibration {
 impl Calibration {
     /// # Errors
     /// A sentence where the motion does not show how the body is turned.
-    pub fn from_sums(sums: &Sums) -> Result<Self, String> {
+    pub(crate) fn from_sums(sums: &Sums) -> Result<Self, String> {
         let mut joints = [None; JOINT_COUNT];
         for joint in [Hips, Neck, Head, LeftShoulder, RightShoulder, LeftFoot, RightFoot, LeftToe, RightToe] {
             joints[joint.index()] = mean_frame(&sums.frames[joint.index()]);

@@ -27,7 +27,7 @@ const SHORTEST: usize = 3;
 /// Foot contact of every frame: `[left, right]`, 1 while the toe is planted, 0.5 while toe or heel is near the floor.
 ///
 /// The floor is z = 0. Landing and leaving have their own thresholds, so contact does not flicker.
-pub fn detect(motion: &Motion) -> Vec<FootContact> {
+pub(crate) fn detect(motion: &Motion) -> Vec<FootContact> {
     let poses: Vec<Pose> = motion.postures.iter().map(|p| p.pose()).collect();
     let mut contacts = vec![[0.0; 2]; poses.len()];
     for (side, (toe, foot)) in Joint::TOES.into_iter().zip(Joint::FEET).enumerate() {

@@ -17,17 +17,17 @@ use crate::motion::{FRAME_RATE, FootContact, Joint, Pose};
 use crate::settings::range::check_ranges;
 
 /// The j of p_j: end effectors, in the order of the feature.
-pub const END_EFFECTORS: [Joint; 5] =
+pub(crate) const END_EFFECTORS: [Joint; 5] =
     [Joint::Head, Joint::LeftHand, Joint::RightHand, Joint::LeftFoot, Joint::RightFoot];
 
 /// Frames ahead of o_future for locomotion, at 30 Hz.
-pub const FUTURE_FRAMES: [usize; 3] = [10, 20, 30];
+pub(crate) const FUTURE_FRAMES: [usize; 3] = [10, 20, 30];
 
-pub const POSITION: usize = 0;
-pub const VELOCITY: usize = 15;
-pub const UP: usize = 30;
-pub const CONTACT: usize = 33;
-pub const FUTURE: usize = 35;
+pub(crate) const POSITION: usize = 0;
+pub(crate) const VELOCITY: usize = 15;
+pub(crate) const UP: usize = 30;
+pub(crate) const CONTACT: usize = 33;
+pub(crate) const FUTURE: usize = 35;
 
 /// Length of a feature of an action type.
 pub const fn feature_size(action_type: ActionType) -> usize {
@@ -38,7 +38,7 @@ pub const fn feature_size(action_type: ActionType) -> usize {
 }
 
 /// The largest of them.
-pub const MAX_FEATURE: usize = FUTURE + 12;
+pub(crate) const MAX_FEATURE: usize = FUTURE + 12;
 
 /// o_future: where the root is to be and face, person-centric.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,10 +50,10 @@ pub enum Future {
 }
 
 /// The part of a feature that is the posture's own.
-pub type PoseFeature = [f32; FUTURE];
+pub(crate) type PoseFeature = [f32; FUTURE];
 
 /// {p_j}, {ṗ_j}, θ_up, c of a posture, from its pose and the one a frame before (both in the world).
-pub fn pose_feature(pose: &Pose, before: &Pose, contact: FootContact) -> PoseFeature {
+pub(crate) fn pose_feature(pose: &Pose, before: &Pose, contact: FootContact) -> PoseFeature {
     let here = Planar::of_root(pose.positions[0], pose.rotations[0]);
     let mut feature = [0.0; FUTURE];
     let local = |world: Vec3| -> Vec3 { here.direction_to_local(world.truncate()).extend(world.z) };

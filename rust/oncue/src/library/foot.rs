@@ -9,7 +9,7 @@ use crate::motion::skeleton::{ANKLE_HEIGHT, HEEL_LENGTH, JOINT_OFFSET, LEG_LENGT
 use crate::motion::{Joint, Motion, Pose, Posture};
 
 /// Thigh, shin, foot, toe.
-pub const LEGS: [[Joint; 4]; 2] = [
+pub(crate) const LEGS: [[Joint; 4]; 2] = [
     [Joint::LeftUpLeg, Joint::LeftLeg, Joint::LeftFoot, Joint::LeftToe],
     [Joint::RightUpLeg, Joint::RightLeg, Joint::RightFoot, Joint::RightToe],
 ];
@@ -38,7 +38,7 @@ pub fn sole(pose: &Pose, side: usize) -> [Vec3; 3] {
 ///
 /// The knee stays a pure hinge about the thigh's X axis and bends forward; where the ankle is out of
 /// reach the leg points at it, not quite straight.
-pub fn reach(posture: &mut Posture, pose: &Pose, side: usize, ankle: Vec3, foot: Quat) {
+pub(crate) fn reach(posture: &mut Posture, pose: &Pose, side: usize, ankle: Vec3, foot: Quat) {
     let [thigh, shin, foot_joint, _] = LEGS[side];
     let hip = pose.position(thigh);
     let to = ankle - hip;
@@ -59,7 +59,7 @@ pub fn reach(posture: &mut Posture, pose: &Pose, side: usize, ankle: Vec3, foot:
 }
 
 /// Gives each joint's quaternions the sign that lies nearer to the frame before, so that they can be averaged.
-pub fn align_signs(motion: &mut Motion) {
+pub(crate) fn align_signs(motion: &mut Motion) {
     for frame in 1..motion.postures.len() {
         let before = motion.postures[frame - 1].rotations;
         for (q, before) in motion.postures[frame].rotations.iter_mut().zip(before) {
@@ -82,7 +82,7 @@ struct FootTarget {
 ///
 /// `motion.contacts` must be as long as the postures; it says which toes are planted. Corrections fade
 /// in and out, so nothing pops. The root comes down a little where a planted leg would not reach.
-pub fn clean_up(motion: &mut Motion) {
+pub(crate) fn clean_up(motion: &mut Motion) {
     let poses: Vec<Pose> = motion.postures.iter().map(|p| p.pose()).collect();
     let mut targets: [Vec<FootTarget>; 2] = [Vec::new(), Vec::new()];
     for (side, out) in targets.iter_mut().enumerate() {

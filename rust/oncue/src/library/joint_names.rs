@@ -11,7 +11,7 @@ use super::mocap_file::MocapFile;
 use crate::motion::skeleton::{JOINT_COUNT, Joint};
 
 /// Ours → theirs, as a mapping file gives it: `{"LeftUpLeg": "thigh_stretch.l", …}`.
-pub type JointMapping = BTreeMap<String, String>;
+pub(crate) type JointMapping = BTreeMap<String, String>;
 
 /// Index in the file of each of our joints, and of the whole spine.
 #[derive(Debug, Clone, PartialEq, Eq)]

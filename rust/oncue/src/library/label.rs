@@ -47,7 +47,7 @@ struct Signal {
 }
 
 /// Labels a motion whose contacts are set. The segments cover it without gaps.
-pub fn label(motion: &Motion) -> Vec<Segment> {
+pub(crate) fn label(motion: &Motion) -> Vec<Segment> {
     let count = motion.len();
     if count == 0 {
         return Vec::new();

@@ -66,7 +66,7 @@ pub fn read(path: &Path) -> Result<MocapFile> {
 }
 
 /// Reads the bytes of a `.bvh` file. The error is a sentence without the file's name.
-pub fn parse(bytes: &[u8]) -> std::result::Result<MocapFile, String> {
+pub(crate) fn parse(bytes: &[u8]) -> std::result::Result<MocapFile, String> {
     let normal = mocap_text::normalize(bytes)?;
     // The crate panics on text it does not expect. The normaliser leaves none; this is the last resort.
     let bvh = catch_unwind(AssertUnwindSafe(|| bvh_anim::from_bytes(normal.text.as_bytes())))

@@ -8,7 +8,7 @@
 use std::fmt::Write as _;
 
 /// More joints than any body with fingers and face has.
-pub const MAX_JOINTS: usize = 1000;
+pub(super) const MAX_JOINTS: usize = 1000;
 /// More joints below one another than any body has.
 const MAX_DEPTH: usize = 200;
 /// About 92 hours at 30 Hz: nobody's take, but a typical damaged or hostile count.
@@ -17,7 +17,7 @@ const CHANNELS: [&str; 6] = ["Xposition", "Yposition", "Zposition", "Xrotation",
 
 /// A `.bvh` in the plain dialect.
 #[derive(Debug)]
-pub struct NormalText {
+pub(super) struct NormalText {
     pub text: String,
     /// The joints' own names, trimmed, in file order.
     pub names: Vec<String>,
@@ -42,7 +42,7 @@ struct RawJoint {
 ///
 /// # Errors
 /// A sentence (without the file's name) that says what is wrong and, where it helps, in which line.
-pub fn normalize(bytes: &[u8]) -> Result<NormalText, String> {
+pub(super) fn normalize(bytes: &[u8]) -> Result<NormalText, String> {
     let text = decode(bytes)?;
     if text.trim().is_empty() {
         return Err("the file is empty.".into());

@@ -4,24 +4,26 @@
 //! and the procedural [`starter`]. [`MotionLibrary`] keeps them and their file; [`feature`] and
 //! [`search`] make them matchable. [`build()`] does it all.
 
-pub mod build;
-pub mod calibration;
-pub mod clip;
-pub mod contact;
-pub mod database;
-pub mod feature;
-pub mod file;
-pub mod foot;
-pub mod joint_names;
-pub mod label;
-pub mod mocap_file;
+pub(crate) mod build;
+pub(crate) mod calibration;
+pub(crate) mod clip;
+pub(crate) mod contact;
+pub(crate) mod database;
+pub(crate) mod feature;
+pub(crate) mod file;
+pub(crate) mod foot;
+pub(crate) mod joint_names;
+pub(crate) mod label;
+pub(crate) mod mocap_file;
 mod mocap_text;
-pub mod quality;
-pub mod retarget;
-pub mod search;
-pub mod sidecar;
+pub(crate) mod quality;
+pub(crate) mod retarget;
+pub(crate) mod search;
+pub(crate) mod sidecar;
 pub mod starter;
 
 pub use build::{BuiltLibrary, LibrarySettings, Skipped, StarterUse, build};
 pub use clip::{Clip, MotionLibrary, Segment, Source};
+pub use database::MotionDatabase;
+pub use feature::FeatureWeights;
 pub use file::{Summary, SummaryRow};

@@ -45,7 +45,7 @@ pub struct Quality {
 }
 
 /// Heel, ball and tip of each foot's sole in the world: left's three, then right's.
-pub fn sole_points(pose: &Pose) -> [Vec3; 6] {
+pub(crate) fn sole_points(pose: &Pose) -> [Vec3; 6] {
     let mut out = [Vec3::ZERO; 6];
     for (side, (foot, toe)) in Joint::FEET.into_iter().zip(Joint::TOES).enumerate() {
         let toe_point = |y: f32| pose.position(toe) + pose.rotation(toe) * Vec3::new(0.0, y, -TOE_HEIGHT);

@@ -11,7 +11,7 @@ use super::foot;
 use super::mocap_file::MocapFile;
 use crate::math::curve::smoothstep;
 use crate::motion::skeleton::{JOINT_OFFSET, PARENT, TOE_HEIGHT};
-use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
+use crate::motion::{FRAME_RATE, Joint, Motion, Posture};
 
 /// Units that files come in: name, metres. The last is cgspeed's conversion of CMU.
 const UNITS: [(&str, f32); 5] =
@@ -28,7 +28,7 @@ pub fn recognize_unit(leg_length: f32) -> Option<(&'static str, f32)> {
 /// Retargets a file; contacts are still empty.
 ///
 /// Out: 30 Hz, feet on z = 0, heading as in the file.
-pub fn retarget(sampler: &mut Sampler, calibration: &Calibration) -> Motion {
+pub(crate) fn retarget(sampler: &mut Sampler, calibration: &Calibration) -> Motion {
     let count = sampler.frame_count();
     let mut motion = Motion::default();
     let mut ankles: Vec<[Vec3; 2]> = Vec::with_capacity(count);
@@ -53,7 +53,7 @@ pub fn retarget(sampler: &mut Sampler, calibration: &Calibration) -> Motion {
 
 /// Drops up to two frames at the end in which the body jerks to a halt: captures often end in a frame that was
 /// filtered against nothing.
-pub fn trim_end(motion: &mut Motion) {
+pub(crate) fn trim_end(motion: &mut Motion) {
     for _ in 0..2 {
         let [.., a, b, c] = motion.postures.as_slice() else { return };
         let jerk = (c.root_position - b.root_position) - (b.root_position - a.root_position);
@@ -174,25 +174,8 @@ fn floor(motion: &Motion, ankles: &[[Vec3; 2]]) -> (f32, [f32; 2]) {
     }
 }
 
-/// Largest slide of planted toes between two frames, and the mean, metres. For reports and tests.
-pub fn planted_slide(motion: &Motion) -> (f32, f32) {
-    let poses: Vec<Pose> = motion.postures.iter().map(|p| p.pose()).collect();
-    let (mut worst, mut sum, mut count) = (0.0f32, 0.0, 0);
-    for (side, toe) in Joint::TOES.into_iter().enumerate() {
-        for frame in 1..poses.len() {
-            if motion.contacts[frame][side] == 1.0 && motion.contacts[frame - 1][side] == 1.0 {
-                let slide = poses[frame].position(toe).distance(poses[frame - 1].position(toe));
-                worst = worst.max(slide);
-                sum += slide;
-                count += 1;
-            }
-        }
-    }
-    (worst, sum / count.max(1) as f32)
-}
-
 /// A key that two files share when they have the same skeleton: names and offsets.
-pub fn skeleton_key(file: &MocapFile) -> String {
+pub(crate) fn skeleton_key(file: &MocapFile) -> String {
     let mut key = String::new();
     for (i, joint) in file.joints.iter().enumerate() {
         // The root's offset is often where the take begins.

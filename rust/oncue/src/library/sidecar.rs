@@ -41,7 +41,7 @@ use crate::action::{ActionLabel, Completion};
 /// The fields of `NAME.oncue.json`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Sidecar {
+pub(crate) struct Sidecar {
     pub exclude: Option<bool>,
     pub up: Option<UpAxis>,
     pub mapping: Option<JointMapping>,
@@ -51,7 +51,7 @@ pub struct Sidecar {
 /// Frames of the file that have a label.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct LabelRange {
+pub(crate) struct LabelRange {
     pub label: ActionLabel,
     pub first: usize,
     pub end: usize,
@@ -70,7 +70,7 @@ struct FolderSidecar {
 }
 
 /// What the sidecars say about a motion capture file. The error is a sentence.
-pub fn read(mocap: &Path) -> Result<Sidecar, String> {
+pub(crate) fn read(mocap: &Path) -> Result<Sidecar, String> {
     let mut found = Sidecar::default();
     let mut fill = |from: Sidecar| {
         found.exclude = found.exclude.or(from.exclude);
@@ -96,7 +96,7 @@ pub fn read(mocap: &Path) -> Result<Sidecar, String> {
 }
 
 /// Reads a mapping file: `{"LeftUpLeg": "thigh.l", …}`. The error is a sentence.
-pub fn read_mapping(path: &Path) -> Result<JointMapping, String> {
+pub(crate) fn read_mapping(path: &Path) -> Result<JointMapping, String> {
     read_json(path)?.ok_or_else(|| format!("The mapping file {} does not exist.", path.display()))
 }
 
@@ -113,7 +113,7 @@ fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, S
 }
 
 /// Puts the ranges (in frames of ours) over the detected segments.
-pub fn override_labels(segments: &[Segment], ranges: &[Segment], count: usize) -> Vec<Segment> {
+pub(crate) fn override_labels(segments: &[Segment], ranges: &[Segment], count: usize) -> Vec<Segment> {
     let mut out: Vec<Segment> = Vec::new();
     let ranges: Vec<Segment> =
         ranges.iter().copied().filter(|r| r.first < r.end && r.first < count).collect();

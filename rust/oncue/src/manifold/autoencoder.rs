@@ -21,9 +21,9 @@ use crate::nn::conv1d::{Direction, Shape};
 use crate::nn::{Conv1d, ConvStack, ConvWorkspace};
 
 /// Layers of Ψ and of Ψ⁻¹.
-pub const LAYERS: usize = 3;
+pub(crate) const LAYERS: usize = 3;
 /// Frames of z: a latent frame stands for eight of the window.
-pub const LATENT_FRAMES: usize = WINDOW >> LAYERS;
+pub(crate) const LATENT_FRAMES: usize = WINDOW >> LAYERS;
 
 const FILE: FileKind = FileKind {
     magic: b"ONCUEMAN",
@@ -36,7 +36,7 @@ const MOST_CHANNELS: usize = 1024;
 
 /// Mean and standard deviation of each feature.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Normalization {
+pub(crate) struct Normalization {
     pub mean: Vec<f32>,
     pub std: Vec<f32>,
 }

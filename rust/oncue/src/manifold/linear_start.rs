@@ -177,7 +177,7 @@ fn metric(std: &[f32], settings: &ManifoldSettings) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::manifold::DecoderWorkspace;
+    use crate::manifold::autoencoder::DecoderWorkspace;
     use crate::manifold::window::tests::random_motion;
     use crate::manifold::window::{WINDOW, from_motion};
 

@@ -5,18 +5,18 @@
 //! the gradient of `loss`, from where `linear_start` begins, with a `checkpoint` after each epoch.
 
 mod augment;
-pub mod autoencoder;
+pub(crate) mod autoencoder;
 mod checkpoint;
-pub mod kinematics;
+pub(crate) mod kinematics;
 mod linear_start;
 mod loss;
-pub mod report;
-pub mod settings;
-pub mod training;
+pub(crate) mod report;
+pub(crate) mod settings;
+pub(crate) mod training;
 mod training_windows;
-pub mod window;
+pub(crate) mod window;
 
-pub use autoencoder::{DecoderWorkspace, Manifold};
+pub use autoencoder::Manifold;
 pub use report::{ManifoldEpoch, ReconstructionFigures, TrainingReport};
 pub use settings::ManifoldSettings;
 pub use training::train_manifold;

@@ -34,7 +34,7 @@ pub(super) struct Window<'a> {
 
 impl Window<'_> {
     /// Its frames; beyond the clip's end the last one is held.
-    pub fn motion(&self) -> Motion {
+    pub(super) fn motion(&self) -> Motion {
         let motion = &self.clip.motion;
         let frames = || (self.first..self.first + WINDOW).map(|frame| frame.min(motion.len() - 1));
         Motion {

@@ -14,7 +14,7 @@
 
 use std::ops::Range;
 
-use glam::{Quat, Vec2, Vec3};
+use glam::{Quat, Vec2};
 
 use crate::math::Planar;
 use crate::math::rotation::{from_6d, to_6d, wrap_angle, yaw};
@@ -24,20 +24,20 @@ use crate::motion::{FootContact, JOINT_COUNT, Motion, Posture};
 pub const WINDOW: usize = 120;
 
 /// Numbers of one rotation.
-pub const ROTATION: usize = 6;
+pub(crate) const ROTATION: usize = 6;
 /// Where the rotations stand in a row: joint j's at `j * ROTATION`.
-pub const ROTATIONS: Range<usize> = 0..JOINT_COUNT * ROTATION;
+pub(crate) const ROTATIONS: Range<usize> = 0..JOINT_COUNT * ROTATION;
 /// Where the root's height stands in a row.
-pub const HEIGHT: usize = ROTATIONS.end;
+pub(crate) const HEIGHT: usize = ROTATIONS.end;
 /// Where the root's step (x, y, turn) stands in a row.
-pub const STEP: Range<usize> = HEIGHT + 1..HEIGHT + 4;
+pub(crate) const STEP: Range<usize> = HEIGHT + 1..HEIGHT + 4;
 /// Where the contacts stand in a row.
-pub const CONTACTS: Range<usize> = STEP.end..STEP.end + 2;
+pub(crate) const CONTACTS: Range<usize> = STEP.end..STEP.end + 2;
 /// Numbers of one row.
 pub const FEATURES: usize = CONTACTS.end;
 
 /// Where joint `joint`'s rotation stands in a row.
-pub const fn rotation_range(joint: usize) -> Range<usize> {
+pub(crate) const fn rotation_range(joint: usize) -> Range<usize> {
     joint * ROTATION..(joint + 1) * ROTATION
 }
 
@@ -73,7 +73,7 @@ pub fn from_motion(motion: &Motion) -> (Vec<f32>, Planar) {
 ///
 /// Rotations come from their 6D form by Gram-Schmidt, the root's path by adding up the steps; contacts are
 /// held within 0..=1.
-pub fn to_motion(x: &[f32], start: Planar) -> Motion {
+pub(crate) fn to_motion(x: &[f32], start: Planar) -> Motion {
     let mut motion = Motion::default();
     let mut here = start;
     for (frame, row) in x.chunks_exact(FEATURES).enumerate() {
@@ -92,14 +92,14 @@ pub fn to_motion(x: &[f32], start: Planar) -> Motion {
 }
 
 /// Joint `joint`'s rotation in a row.
-pub fn rotation(row: &[f32], joint: usize) -> Quat {
+pub(crate) fn rotation(row: &[f32], joint: usize) -> Quat {
     let mut numbers = [0.0; ROTATION];
     numbers.copy_from_slice(&row[rotation_range(joint)]);
     from_6d(numbers)
 }
 
 /// Where the frame of `row` stands, the frame before it standing at `before`.
-pub fn next_planar(before: Planar, row: &[f32]) -> Planar {
+pub(crate) fn next_planar(before: Planar, row: &[f32]) -> Planar {
     let [x, y, turn] = [row[STEP.start], row[STEP.start + 1], row[STEP.start + 2]];
     let next = before.compose(Planar::new(Vec2::new(x, y), turn));
     Planar::new(next.position, wrap_angle(next.yaw))
@@ -109,15 +109,11 @@ fn contact(row: &[f32]) -> FootContact {
     [row[CONTACTS.start].clamp(0.0, 1.0), row[CONTACTS.start + 1].clamp(0.0, 1.0)]
 }
 
-/// Root place of a row in the world, its planar part being `here`.
-pub fn root_position(here: Planar, row: &[f32]) -> Vec3 {
-    here.position.extend(row[HEIGHT])
-}
-
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
     use crate::math::rotation::angle_between;
+    use glam::Vec3;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg32;
 

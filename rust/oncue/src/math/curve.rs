@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 /// From 0 to 1 as `t` does, without a jump in velocity; what lies outside is held.
-pub fn smoothstep(t: f32) -> f32 {
+pub(crate) fn smoothstep(t: f32) -> f32 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
@@ -14,13 +14,13 @@ fn around(values: &[f32], i: usize, radius: usize) -> std::ops::Range<usize> {
 }
 
 /// The largest of the values within `radius` samples of each, at least 0.
-pub fn widened(values: &[f32], radius: usize) -> Vec<f32> {
+pub(crate) fn widened(values: &[f32], radius: usize) -> Vec<f32> {
     let largest = |i| values[around(values, i, radius)].iter().copied().fold(0.0, f32::max);
     (0..values.len()).map(largest).collect()
 }
 
 /// The mean of the values within `radius` samples of each, with the weights of a raised cosine.
-pub fn softened(values: &[f32], radius: usize) -> Vec<f32> {
+pub(crate) fn softened(values: &[f32], radius: usize) -> Vec<f32> {
     let width = radius as f32 + 1.0;
     let weights: Vec<f32> = (0..=radius).map(|d| 1.0 + (PI * d as f32 / width).cos()).collect();
     (0..values.len())

@@ -3,7 +3,7 @@
 /// Eigenvalues, largest first, and eigenvectors, one a row, of the symmetric `matrix` (size × size), by cyclic Jacobi.
 ///
 /// Orthonormal whatever the matrix. `check` is called every few milliseconds; its error ends the work.
-pub fn symmetric_eigen<E>(
+pub(crate) fn symmetric_eigen<E>(
     matrix: &mut [f64],
     size: usize,
     mut check: impl FnMut() -> Result<(), E>,

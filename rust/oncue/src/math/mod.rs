@@ -1,8 +1,8 @@
 //! Rotations, the person-centric plane, and shapes of curves.
 
-pub mod curve;
-pub mod eigen;
-pub mod planar;
+pub(crate) mod curve;
+pub(crate) mod eigen;
+pub(crate) mod planar;
 pub mod rotation;
 
 pub use planar::Planar;

@@ -79,7 +79,7 @@ impl Planar {
 }
 
 /// Turns a planar vector by `angle` radians counter-clockwise.
-pub fn rotate(angle: f32, v: Vec2) -> Vec2 {
+pub(crate) fn rotate(angle: f32, v: Vec2) -> Vec2 {
     Vec2::from_angle(angle).rotate(v)
 }
 

@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 use super::matmul::{View, matmul};
 
 /// Width of the kernel, frames (LAMA, supplementary).
-pub const KERNEL: usize = 25;
+pub(crate) const KERNEL: usize = 25;
 /// Frames that the kernel reaches to each side.
 const REACH: usize = KERNEL / 2;
 
@@ -199,7 +199,7 @@ fn place(frame: usize, frames: usize) -> usize {
 }
 
 /// Natural order → even frames, then odd ones. `width` numbers a frame (batch × channels), each through `each`.
-pub fn split(natural: &[f32], width: usize, fine: &mut Vec<f32>, each: impl Fn(f32) -> f32) {
+pub(crate) fn split(natural: &[f32], width: usize, fine: &mut Vec<f32>, each: impl Fn(f32) -> f32) {
     let frames = natural.len() / width;
     fine.resize(natural.len(), 0.0);
     for (frame, row) in natural.chunks_exact(width).enumerate() {
@@ -209,7 +209,7 @@ pub fn split(natural: &[f32], width: usize, fine: &mut Vec<f32>, each: impl Fn(f
 }
 
 /// Even frames, then odd ones → natural order, each number through `each`.
-pub fn merge(fine: &[f32], width: usize, natural: &mut Vec<f32>, each: impl Fn(f32) -> f32) {
+pub(crate) fn merge(fine: &[f32], width: usize, natural: &mut Vec<f32>, each: impl Fn(f32) -> f32) {
     let frames = fine.len() / width;
     natural.resize(fine.len(), 0.0);
     for (frame, row) in natural.chunks_exact_mut(width).enumerate() {

@@ -7,10 +7,10 @@ use super::conv1d::{Conv1d, Direction, Shape, merge, split};
 
 /// The slope below the knee. A plain ReLU would stop the gradient there, and with it an optimization of the latent
 /// vector.
-pub const LEAK: f32 = 0.2;
+pub(crate) const LEAK: f32 = 0.2;
 /// The activation bends at -KNEE instead of 0: the same as a bias before it and its opposite after it, but what the
 /// next layer sees has mean 0, without which small steps of all its weights together are a large one.
-pub const KNEE: f32 = 2.0;
+pub(crate) const KNEE: f32 = 2.0;
 
 fn activate(v: f32) -> f32 {
     if v > -KNEE { v } else { LEAK * (v + KNEE) - KNEE }
@@ -23,13 +23,13 @@ fn slope(output: f32) -> f32 {
 
 /// y = L_n(… act(L_1(x)) …), each layer halving (or doubling) the number of frames.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct ConvStack {
+pub(crate) struct ConvStack {
     pub layers: Vec<Conv1d>,
 }
 
 /// What a pass leaves behind, and the buffers of the way back.
 #[derive(Debug, Clone, Default)]
-pub struct ConvWorkspace {
+pub(crate) struct ConvWorkspace {
     shapes: Vec<Shape>,
     /// Each layer's input, in the form that the layer takes.
     inputs: Vec<Vec<f32>>,
@@ -41,7 +41,7 @@ pub struct ConvWorkspace {
 
 impl ConvWorkspace {
     /// The first layer's input, to be filled before [`ConvStack::forward`]: fine or coarse, as the layer takes it.
-    pub fn input(&mut self) -> &mut Vec<f32> {
+    pub(crate) fn input(&mut self) -> &mut Vec<f32> {
         if self.inputs.is_empty() {
             self.inputs.push(Vec::new());
         }
@@ -52,7 +52,7 @@ impl ConvWorkspace {
 impl ConvStack {
     /// Random layers between the channel counts of `sizes`; the last one's output has the variance `output_gain` for
     /// an input of variance 1.
-    pub fn new(direction: Direction, sizes: &[usize], output_gain: f32, rng: &mut impl Rng) -> Self {
+    pub(crate) fn new(direction: Direction, sizes: &[usize], output_gain: f32, rng: &mut impl Rng) -> Self {
         let last = sizes.len() - 2;
         let gain = |layer: usize| if layer == last { output_gain } else { 1.0 };
         let layers =
@@ -60,12 +60,12 @@ impl ConvStack {
         Self { layers: layers.collect() }
     }
 
-    pub fn parameter_count(&self) -> usize {
+    pub(crate) fn parameter_count(&self) -> usize {
         self.layers.iter().map(|l| l.parameters.len()).sum()
     }
 
     /// Runs the workspace's input through the layers. `coarsest` is the shape at the narrow end.
-    pub fn forward(&self, coarsest: Shape, work: &mut ConvWorkspace) {
+    pub(crate) fn forward(&self, coarsest: Shape, work: &mut ConvWorkspace) {
         let count = self.layers.len();
         work.inputs.resize_with(count, Vec::new);
         work.shapes.clear();
@@ -88,7 +88,7 @@ impl ConvStack {
     /// The gradient of a loss by the input of the last [`ConvStack::forward`], given that by its output, both in the
     /// forms of that pass. Sets `parameters` (one slice a layer), where given, to the gradients by the layers'
     /// parameters; without `by_input` the first layer's input gets none and the result is empty.
-    pub fn backward<'w>(
+    pub(crate) fn backward<'w>(
         &self,
         d_output: &[f32],
         work: &'w mut ConvWorkspace,

@@ -8,7 +8,7 @@ use crate::simd::Level;
 
 /// A read-only matrix view: element (r, c) is `data[r * row_stride + c * col_stride]`.
 #[derive(Clone, Copy)]
-pub struct View<'a> {
+pub(crate) struct View<'a> {
     pub data: &'a [f32],
     pub rows: usize,
     pub cols: usize,
@@ -18,12 +18,12 @@ pub struct View<'a> {
 
 impl<'a> View<'a> {
     /// A dense row-major matrix.
-    pub fn new(data: &'a [f32], rows: usize, cols: usize) -> Self {
+    pub(crate) fn new(data: &'a [f32], rows: usize, cols: usize) -> Self {
         Self { data, rows, cols, row_stride: cols, col_stride: 1 }
     }
 
     /// The transpose, without a copy.
-    pub fn t(self) -> Self {
+    pub(crate) fn t(self) -> Self {
         Self {
             data: self.data,
             rows: self.cols,
@@ -34,12 +34,12 @@ impl<'a> View<'a> {
     }
 
     #[inline(always)]
-    pub fn at(&self, row: usize, column: usize) -> f32 {
+    pub(crate) fn at(&self, row: usize, column: usize) -> f32 {
         self.data[row * self.row_stride + column * self.col_stride]
     }
 
     /// Whether all of its elements lie within the data.
-    pub fn fits(&self) -> bool {
+    pub(crate) fn fits(&self) -> bool {
         self.rows == 0
             || self.cols == 0
             || (self.rows - 1) * self.row_stride + (self.cols - 1) * self.col_stride < self.data.len()
@@ -61,7 +61,7 @@ thread_local! {
 ///
 /// # Panics
 /// When the shapes do not fit; shapes are fixed by the code, never by input.
-pub fn matmul(c: &mut [f32], a: View, b: View, accumulate: bool) {
+pub(crate) fn matmul(c: &mut [f32], a: View, b: View, accumulate: bool) {
     matmul_at(Level::current(), c, a, b, accumulate);
 }
 

@@ -3,18 +3,19 @@
 //! The batch, not the product, is what is split over threads, in chunks of a fixed number of rows
 //! whose gradients are summed in order: the result does not depend on the number of threads.
 
-pub mod adam;
-pub mod conv1d;
-pub mod conv_stack;
-pub mod matmul;
-pub mod mlp;
+pub(crate) mod adam;
+pub(crate) mod conv1d;
+pub(crate) mod conv_stack;
+pub(crate) mod matmul;
+pub(crate) mod mlp;
 mod product;
 mod samples;
 
 pub use adam::Adam;
-pub use conv_stack::{ConvStack, ConvWorkspace};
+pub(crate) use conv_stack::{ConvStack, ConvWorkspace};
 pub use conv1d::Conv1d;
-pub use mlp::{Activations, Mlp};
+pub use mlp::Activations;
+pub(crate) use mlp::Mlp;
 
 /// Rows of a batch that one thread takes at a time.
-pub const CHUNK_ROWS: usize = 256;
+pub(crate) const CHUNK_ROWS: usize = 256;

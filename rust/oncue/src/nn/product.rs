@@ -8,7 +8,7 @@ use super::matmul::View;
 use crate::simd::{Kernel, Level, Simd};
 
 /// Columns of the widest tile: rows of B and C are padded to a multiple of it.
-pub const TILE: usize = 32;
+pub(super) const TILE: usize = 32;
 /// Rows of the highest tile.
 const HIGHEST: usize = 12;
 /// Lanes of the widest vector.
@@ -18,7 +18,7 @@ const DEPTH: usize = 384;
 
 /// What C begins with.
 #[derive(Debug, Clone, Copy)]
-pub enum Start<'a> {
+pub(super) enum Start<'a> {
     Zero,
     /// What it holds.
     Kept,
@@ -28,7 +28,7 @@ pub enum Start<'a> {
 
 /// What becomes of the sums before they are stored.
 #[derive(Debug, Clone, Copy)]
-pub enum Finish<'a> {
+pub(super) enum Finish<'a> {
     Plain,
     /// Their positive part.
     Relu,
@@ -38,7 +38,7 @@ pub enum Finish<'a> {
 
 /// Rows one after the other, `stride` apart, each padded so that whole tiles may be read (and, where it is C, written).
 #[derive(Debug, Clone, Copy)]
-pub struct Padded<T> {
+pub(super) struct Padded<T> {
     pub data: T,
     pub stride: usize,
 }
@@ -49,7 +49,7 @@ pub struct Padded<T> {
 ///
 /// # Panics
 /// When shapes do not fit; they are fixed by the code, never by input.
-pub fn multiply(
+pub(super) fn multiply(
     level: Level,
     c: Padded<&mut [f32]>,
     a: View,
@@ -207,7 +207,7 @@ impl Call<'_> {
 ///
 /// # Panics
 /// When the shapes do not fit; they are fixed by the code, never by input.
-pub fn add_row_products(level: Level, rows: &[f32], x: &[f32], out: &mut [f32]) {
+pub(super) fn add_row_products(level: Level, rows: &[f32], x: &[f32], out: &mut [f32]) {
     assert!(rows.len() == x.len() * out.len());
     level.run(RowProducts { rows, x, out });
 }

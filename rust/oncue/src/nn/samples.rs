@@ -5,7 +5,7 @@ use super::product::{Padded, TILE};
 
 /// A matrix with its rows padded, so that whole tiles may be read and written.
 #[derive(Debug, Clone, Default)]
-pub struct Samples {
+pub(super) struct Samples {
     pub data: Vec<f32>,
     pub rows: usize,
     pub columns: usize,
@@ -14,7 +14,7 @@ pub struct Samples {
 
 impl Samples {
     /// Takes a shape; what it holds afterwards are any (finite) numbers.
-    pub fn reshape(&mut self, rows: usize, columns: usize) {
+    pub(super) fn reshape(&mut self, rows: usize, columns: usize) {
         (self.rows, self.columns) = (rows, columns);
         // An odd number of cache lines: powers of two would put every row into the same few sets of the cache.
         self.stride = columns.next_multiple_of(TILE) + TILE / 2;
@@ -22,7 +22,7 @@ impl Samples {
     }
 
     /// Copies a dense row-major matrix.
-    pub fn copy(&mut self, dense: &[f32], rows: usize, columns: usize) {
+    pub(super) fn copy(&mut self, dense: &[f32], rows: usize, columns: usize) {
         self.reshape(rows, columns);
         for (to, from) in self.data.chunks_exact_mut(self.stride).zip(dense.chunks_exact(columns)) {
             to[..columns].copy_from_slice(from);
@@ -30,13 +30,13 @@ impl Samples {
     }
 
     /// Takes the transpose of a dense row-major matrix of `rows × columns`.
-    pub fn transpose_dense(&mut self, dense: &[f32], rows: usize, columns: usize) {
+    pub(super) fn transpose_dense(&mut self, dense: &[f32], rows: usize, columns: usize) {
         self.reshape(columns, rows);
         transpose(dense, columns, rows, columns, &mut self.data, self.stride);
     }
 
     /// Takes the columns of a view from `from` on.
-    pub fn take(&mut self, view: View, from: usize) {
+    pub(super) fn take(&mut self, view: View, from: usize) {
         let (rows, columns) = (view.rows, view.cols - from);
         self.reshape(rows, columns);
         let data = &view.data[(from * view.col_stride).min(view.data.len())..];
@@ -51,31 +51,31 @@ impl Samples {
     }
 
     /// Takes the transpose of another.
-    pub fn transpose(&mut self, other: &Samples) {
+    pub(super) fn transpose(&mut self, other: &Samples) {
         self.reshape(other.columns, other.rows);
         transpose(&other.data, other.stride, other.rows, other.columns, &mut self.data, self.stride);
     }
 
     /// Writes the transpose as a dense row-major matrix.
-    pub fn write_transpose(&self, dense: &mut Vec<f32>) {
+    pub(super) fn write_transpose(&self, dense: &mut Vec<f32>) {
         dense.resize(self.rows * self.columns, 0.0);
         transpose(&self.data, self.stride, self.rows, self.columns, dense, self.rows);
     }
 
     /// The numbers of a row.
-    pub fn row(&self, row: usize) -> &[f32] {
+    pub(super) fn row(&self, row: usize) -> &[f32] {
         &self.data[row * self.stride..][..self.columns]
     }
 
-    pub fn view(&self) -> View<'_> {
+    pub(super) fn view(&self) -> View<'_> {
         View { data: &self.data, rows: self.rows, cols: self.columns, row_stride: self.stride, col_stride: 1 }
     }
 
-    pub fn padded(&self) -> Padded<&[f32]> {
+    pub(super) fn padded(&self) -> Padded<&[f32]> {
         Padded { data: &self.data, stride: self.stride }
     }
 
-    pub fn padded_mut(&mut self) -> Padded<&mut [f32]> {
+    pub(super) fn padded_mut(&mut self) -> Padded<&mut [f32]> {
         Padded { data: &mut self.data, stride: self.stride }
     }
 }

@@ -13,7 +13,7 @@ use crate::simd::Simd;
 /// Eight triangles side by side: corner 0 x, y, z, then corners 1 and 2. Unused lanes hold NaN.
 #[derive(Debug, Clone)]
 #[repr(C, align(32))]
-pub struct TriangleBlock {
+pub(super) struct TriangleBlock {
     pub corners: [[f32; 8]; 9],
     /// Index of each triangle in the list that the tree was built from.
     pub index: [u32; 8],
@@ -22,11 +22,11 @@ pub struct TriangleBlock {
 }
 
 impl TriangleBlock {
-    pub fn empty() -> Self {
+    pub(super) fn empty() -> Self {
         Self { corners: [[f32::NAN; 8]; 9], index: [u32::MAX; 8], shared: 0 }
     }
 
-    pub fn set(&mut self, lane: usize, triangle: &[Vec3; 3], index: u32, shared: bool) {
+    pub(super) fn set(&mut self, lane: usize, triangle: &[Vec3; 3], index: u32, shared: bool) {
         for (corner, vertex) in triangle.iter().enumerate() {
             for axis in 0..3 {
                 self.corners[3 * corner + axis][lane] = vertex[axis];
@@ -36,7 +36,7 @@ impl TriangleBlock {
         self.shared |= u32::from(shared) << lane;
     }
 
-    pub fn triangle(&self, lane: usize) -> [Vec3; 3] {
+    pub(super) fn triangle(&self, lane: usize) -> [Vec3; 3] {
         let c = |i: usize| self.corners[i][lane];
         [Vec3::new(c(0), c(1), c(2)), Vec3::new(c(3), c(4), c(5)), Vec3::new(c(6), c(7), c(8))]
     }
@@ -44,7 +44,7 @@ impl TriangleBlock {
 
 /// A box placed in the world.
 #[derive(Debug, Clone, Copy)]
-pub struct OrientedBox {
+pub(super) struct OrientedBox {
     /// World, metres.
     pub center: Vec3,
     /// The box's axes in the world, unit columns.
@@ -55,7 +55,7 @@ pub struct OrientedBox {
 }
 
 impl OrientedBox {
-    pub fn new(center: Vec3, rotation: Quat, half_extents: Vec3) -> Self {
+    pub(super) fn new(center: Vec3, rotation: Quat, half_extents: Vec3) -> Self {
         let axes = Mat3::from_quat(rotation);
         let reach = |a: Vec3, h: f32| a.abs() * h;
         let world_half_extents = reach(axes.x_axis, half_extents.x)
@@ -65,7 +65,7 @@ impl OrientedBox {
     }
 
     /// `node` on a joint at `position` with global `rotation`.
-    pub fn of_node(node: &BoxNode, position: Vec3, rotation: Quat) -> Self {
+    pub(super) fn of_node(node: &BoxNode, position: Vec3, rotation: Quat) -> Self {
         Self::new(position + rotation * node.center, rotation, node.half_extents)
     }
 
@@ -86,7 +86,7 @@ pub const ALL_EDGES: u32 = 0xfff;
 /// `above` (world z) are left out.
 ///
 /// This is the definition of a crossing; [`candidates`] only rules edges and triangles out.
-pub fn crossings(placed: &OrientedBox, triangle: &[Vec3; 3], edges: u32, above: f32) -> u32 {
+pub(super) fn crossings(placed: &OrientedBox, triangle: &[Vec3; 3], edges: u32, above: f32) -> u32 {
     let v = [placed.to_local(triangle[0]), placed.to_local(triangle[1]), placed.to_local(triangle[2])];
     let mut bits = 0;
     let mut left = edges;
@@ -141,7 +141,7 @@ fn crossing<const A: usize, const S: usize, const T: usize>(
 
 /// The edges that a lane of [`candidates`]' second part names.
 #[inline(always)]
-pub fn edges_of(by_edge: &[u32; 12], lane: usize) -> u32 {
+pub(super) fn edges_of(by_edge: &[u32; 12], lane: usize) -> u32 {
     let mut edges = 0;
     for (edge, lanes) in by_edge.iter().enumerate() {
         edges |= (lanes >> lane & 1) << edge;
@@ -154,7 +154,7 @@ pub fn edges_of(by_edge: &[u32; 12], lane: usize) -> u32 {
 ///
 /// `S` has eight lanes.
 #[inline(always)]
-pub fn candidates<S: Simd>(s: S, placed: &OrientedBox, block: &TriangleBlock) -> (u32, [u32; 12]) {
+pub(super) fn candidates<S: Simd>(s: S, placed: &OrientedBox, block: &TriangleBlock) -> (u32, [u32; 12]) {
     let half = placed.half_extents.to_array();
     let center = splat(s, placed.center);
     let axes = [splat(s, placed.axes.x_axis), splat(s, placed.axes.y_axis), splat(s, placed.axes.z_axis)];
@@ -217,12 +217,12 @@ pub fn candidates<S: Simd>(s: S, placed: &OrientedBox, block: &TriangleBlock) ->
 
 /// A vector's parts, each in all lanes.
 #[inline(always)]
-pub fn splat<S: Simd>(s: S, v: Vec3) -> [S::F32; 3] {
+pub(super) fn splat<S: Simd>(s: S, v: Vec3) -> [S::F32; 3] {
     [s.splat(v.x), s.splat(v.y), s.splat(v.z)]
 }
 
 /// The scalar product, lane by lane. No fused product: every level gives the same bits.
 #[inline(always)]
-pub fn dot<S: Simd>(s: S, a: [S::F32; 3], b: [S::F32; 3]) -> S::F32 {
+pub(super) fn dot<S: Simd>(s: S, a: [S::F32; 3], b: [S::F32; 3]) -> S::F32 {
     s.add(s.add(s.mul(a[0], b[0]), s.mul(a[1], b[1])), s.mul(a[2], b[2]))
 }

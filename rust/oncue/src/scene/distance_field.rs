@@ -20,7 +20,7 @@ const REACH: i32 = 12;
 const STEPS: f32 = 20.0;
 
 #[derive(Debug, Clone)]
-pub struct DistanceField {
+pub(super) struct DistanceField {
     origin: Vec3,
     cell: f32,
     per_metre: f32,
@@ -40,7 +40,7 @@ pub struct DistanceField {
 
 impl DistanceField {
     /// `bounds` hold all triangles; what is lower than `bottom` is left out.
-    pub fn build(
+    pub(super) fn build(
         triangles: &[[Vec3; 3]],
         bounds: (Vec3, Vec3),
         bottom: f32,
@@ -72,13 +72,13 @@ impl DistanceField {
     }
 
     /// No triangle higher than `bottom` is nearer to `point` than this, metres; 0 where one may be.
-    pub fn lower_bound(&self, point: Vec3) -> f32 {
+    pub(super) fn lower_bound(&self, point: Vec3) -> f32 {
         let outside = (point - point.clamp(self.bounds.0, self.bounds.1)).length();
         outside.max(f32::from(self.steps_at(point)) * (self.cell / STEPS))
     }
 
     /// A distance in the units of [`DistanceField::steps_at`], rounded up: what it must be at least.
-    pub fn steps_of(&self, distance: f32) -> u8 {
+    pub(super) fn steps_of(&self, distance: f32) -> u8 {
         // A cast of what is too much gives 255, which no cell holds.
         (distance * (STEPS * self.per_metre)).ceil() as u8
     }
@@ -86,12 +86,12 @@ impl DistanceField {
     /// The stored distance of the cell at a point, in `cell / STEPS`. From outside the grid that of the nearest
     /// cell, which is a bound as well: everything lies inside, so it is nearer to the grid's border than to the point.
     #[inline(always)]
-    pub fn steps_at(&self, point: Vec3) -> u8 {
+    pub(super) fn steps_at(&self, point: Vec3) -> u8 {
         let c = ((point - self.origin) * self.per_metre).clamp(Vec3::ZERO, self.last);
         self.steps.get(self.tiled(c.as_ivec3())).copied().unwrap_or(0)
     }
 
-    pub fn memory(&self) -> usize {
+    pub(super) fn memory(&self) -> usize {
         self.steps.len()
     }
 

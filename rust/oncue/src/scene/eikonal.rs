@@ -10,7 +10,7 @@ use super::raster::Raster;
 
 /// T and L at every cell; infinite where not reached.
 #[derive(Debug, Clone)]
-pub struct TravelTimes {
+pub(super) struct TravelTimes {
     /// Cost times metres.
     pub time: Vec<f32>,
     /// Metres.
@@ -26,12 +26,12 @@ fn entry(time: f32, cell: usize) -> Entry {
 }
 
 impl TravelTimes {
-    pub fn unreached(raster: &Raster) -> Self {
+    pub(super) fn unreached(raster: &Raster) -> Self {
         Self { time: vec![f32::INFINITY; raster.len()], length: vec![f32::INFINITY; raster.len()] }
     }
 
     /// Takes the lower of the present time and `time` at a cell.
-    pub fn offer(&mut self, cell: usize, time: f32, length: f32) {
+    pub(super) fn offer(&mut self, cell: usize, time: f32, length: f32) {
         if time < self.time[cell] {
             self.time[cell] = time;
             self.length[cell] = length;
@@ -41,7 +41,7 @@ impl TravelTimes {
     /// Marches from every reached cell into those where `cost` is finite; the others keep what they have.
     ///
     /// With `settled`, what is reached already is not lowered any more. With `most`, cells are reached only while their length is at most that much longer than where the march began.
-    pub fn march(&mut self, raster: &Raster, cost: impl Fn(usize) -> f32, settled: bool, most: f32) {
+    pub(super) fn march(&mut self, raster: &Raster, cost: impl Fn(usize) -> f32, settled: bool, most: f32) {
         let reached = |i: &usize| self.time[*i].is_finite();
         // Where everything reached is settled, only cells with a neighbour to go to begin the march.
         let at_front = |i: &usize| {

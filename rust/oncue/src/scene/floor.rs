@@ -15,7 +15,7 @@ const SPREAD: i64 = 3;
 
 /// World z of the dominant walkable level: of the lowest level surface with `headroom` over it in each of many
 /// columns, the height that most columns share. The lowest vertex where no column has such a surface.
-pub fn dominant_level(tree: &TriangleTree, bounds: (Vec3, Vec3), headroom: f32) -> f32 {
+pub(super) fn dominant_level(tree: &TriangleTree, bounds: (Vec3, Vec3), headroom: f32) -> f32 {
     let (lo, hi) = bounds;
     let step = (hi - lo).truncate().max_element() / COLUMNS as f32;
     if step <= 0.0 {

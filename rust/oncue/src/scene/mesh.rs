@@ -16,7 +16,11 @@ const CHUNK: usize = 65_536;
 ///
 /// Errors: `Input` for an empty mesh, an index out of range, a vertex that is no number, and one too far away;
 /// the sentence names the triangle. Vertices that no triangle uses are not looked at.
-pub fn corners(positions: &[Vec3], triangles: &[[u32; 3]], progress: &Progress) -> Result<Vec<[Vec3; 3]>> {
+pub(super) fn corners(
+    positions: &[Vec3],
+    triangles: &[[u32; 3]],
+    progress: &Progress,
+) -> Result<Vec<[Vec3; 3]>> {
     if triangles.is_empty() {
         return Err(Error::input("The scene has no mesh faces: nothing to walk on and nothing to sit on."));
     }
@@ -49,7 +53,7 @@ pub fn corners(positions: &[Vec3], triangles: &[[u32; 3]], progress: &Progress) 
 }
 
 /// BLAKE3 of triangles and settings, hexadecimal. Chunks are hashed in parallel and their hashes in order.
-pub fn fingerprint(corners: &[[Vec3; 3]], settings: &SceneSettings) -> String {
+pub(super) fn fingerprint(corners: &[[Vec3; 3]], settings: &SceneSettings) -> String {
     let parts: Vec<[u8; 32]> = corners
         .par_chunks(CHUNK)
         .map(|chunk| {

@@ -6,34 +6,34 @@ const CAPACITY: usize = 14;
 
 /// A convex polygon: a triangle cut by the planes of a box has at most nine corners; rounding may add a few.
 #[derive(Debug, Clone, Copy)]
-pub struct Polygon {
+pub(super) struct Polygon {
     corners: [Vec3; CAPACITY],
     len: usize,
 }
 
 impl Polygon {
-    pub fn new(triangle: &[Vec3; 3]) -> Self {
+    pub(super) fn new(triangle: &[Vec3; 3]) -> Self {
         let mut corners = [Vec3::ZERO; CAPACITY];
         corners[..3].copy_from_slice(triangle);
         Self { corners, len: 3 }
     }
 
-    pub fn corners(&self) -> &[Vec3] {
+    pub(super) fn corners(&self) -> &[Vec3] {
         &self.corners[..self.len]
     }
 
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.len == 0
     }
 
     /// Smallest and largest corner; meaningless when empty.
-    pub fn bounds(&self) -> (Vec3, Vec3) {
+    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
         let first = self.corners[0];
         self.corners().iter().fold((first, first), |(lo, hi), &c| (lo.min(c), hi.max(c)))
     }
 
     /// The part with `axis` coordinate in `from..=to`.
-    pub fn clip(&self, axis: usize, from: f32, to: f32) -> Polygon {
+    pub(super) fn clip(&self, axis: usize, from: f32, to: f32) -> Polygon {
         self.cut(axis, from, 1.0).cut(axis, to, -1.0)
     }
 

@@ -9,14 +9,14 @@ use super::box_edges::TriangleBlock;
 use super::tree_references::Reference;
 
 /// Marks a child that is a block of triangles.
-pub const BLOCK: u32 = 1 << 31;
+pub(super) const BLOCK: u32 = 1 << 31;
 /// A slot of a node that holds nothing.
-pub const NO_CHILD: u32 = u32::MAX;
+pub(super) const NO_CHILD: u32 = u32::MAX;
 
 /// Eight boxes side by side (centre and half size; unused ones have a negative size) and what is in them.
 #[derive(Debug, Clone)]
 #[repr(C, align(32))]
-pub struct Node {
+pub(super) struct Node {
     pub center: [[f32; 8]; 3],
     pub half: [[f32; 8]; 3],
     pub child: [u32; 8],
@@ -39,14 +39,14 @@ impl Node {
 }
 
 /// The tree of one chunk, with node and block numbers of its own.
-pub struct Part {
+pub(super) struct Part {
     pub aabb: Aabb,
     pub nodes: Vec<Node>,
     pub blocks: Vec<TriangleBlock>,
 }
 
 impl Part {
-    pub fn build(chunk: &[Reference], triangles: &[[Vec3; 3]], builder: &mut Builder) -> Self {
+    pub(super) fn build(chunk: &[Reference], triangles: &[[Vec3; 3]], builder: &mut Builder) -> Self {
         let boxes: Vec<Aabb> = chunk.iter().map(|r| r.aabb).collect();
         let tree = builder.build(&boxes);
         let mut blocks = Vec::with_capacity(chunk.len() / 4 + 1);
@@ -71,18 +71,18 @@ impl Part {
 }
 
 /// obvhs's builders, kept for their memory.
-pub struct Builder {
+pub(super) struct Builder {
     cluster: PlocBuilder,
     reinsert: ReinsertionOptimizer,
 }
 
 impl Builder {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self { cluster: PlocBuilder::new(), reinsert: ReinsertionOptimizer::default() }
     }
 
     /// The binary tree, one box a leaf: locally ordered clustering, then reinsertion.
-    pub fn build(&mut self, boxes: &[Aabb]) -> Bvh2 {
+    pub(super) fn build(&mut self, boxes: &[Aabb]) -> Bvh2 {
         let indices = (0..boxes.len() as u32).collect();
         let mut tree = self.cluster.build(PlocSearchDistance::Medium, boxes, indices, SortPrecision::U64, 3);
         self.reinsert.run(&mut tree, 0.05, None);
@@ -91,7 +91,12 @@ impl Builder {
 }
 
 /// Folds a binary tree into nodes of eight children, root first; `emit` turns at most `leaf_size` leaves into a child.
-pub fn fold(tree: &Bvh2, leaf_size: usize, nodes: &mut Vec<Node>, emit: &mut impl FnMut(&[u32]) -> u32) {
+pub(super) fn fold(
+    tree: &Bvh2,
+    leaf_size: usize,
+    nodes: &mut Vec<Node>,
+    emit: &mut impl FnMut(&[u32]) -> u32,
+) {
     let sizes = leaf_counts(tree);
     let is_child = |node: usize| sizes[node] as usize <= leaf_size;
     let area = |node: usize| if is_child(node) { -1.0 } else { tree.nodes[node].aabb().half_area() };

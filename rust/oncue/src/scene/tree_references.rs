@@ -17,14 +17,14 @@ const SPLIT_BUDGET: (f32, usize) = (0.25, 16_384);
 
 /// One entry of the tree: a triangle or a piece of one.
 #[derive(Debug, Clone, Copy)]
-pub struct Reference {
+pub(super) struct Reference {
     pub aabb: Aabb,
     pub triangle: u32,
     pub shared: bool,
 }
 
 /// The triangles as references, the long ones cut into pieces.
-pub fn references(triangles: &[[Vec3; 3]]) -> Vec<Reference> {
+pub(super) fn references(triangles: &[[Vec3; 3]]) -> Vec<Reference> {
     let extent = |t: &[Vec3; 3]| t[0].max(t[1]).max(t[2]) - t[0].min(t[1]).min(t[2]);
     let budget = SPLIT_BUDGET.1 + (SPLIT_BUDGET.0 * triangles.len() as f32) as usize;
     let mut piece = PIECE;
@@ -70,7 +70,7 @@ pub fn references(triangles: &[[Vec3; 3]]) -> Vec<Reference> {
 }
 
 /// Halves the references about the median of their centres along the longest side, until each part is a chunk.
-pub fn halve(mut references: Vec<Reference>, progress: &Progress) -> Result<Vec<Vec<Reference>>> {
+pub(super) fn halve(mut references: Vec<Reference>, progress: &Progress) -> Result<Vec<Vec<Reference>>> {
     progress.check()?;
     if references.len() <= CHUNK {
         return Ok(vec![references]);

@@ -19,21 +19,21 @@ use crate::simd::{Kernel, Level, Simd};
 
 /// The tree. `nodes[0]` is the root.
 #[derive(Debug, Clone)]
-pub struct TriangleTree {
+pub(super) struct TriangleTree {
     nodes: Vec<Node>,
     blocks: Vec<TriangleBlock>,
 }
 
 /// Reused between queries: the nodes still to visit and the crossings found on shared triangles.
 #[derive(Debug, Default)]
-pub struct Scratch {
+pub(super) struct Scratch {
     stack: Vec<u32>,
     seen: Vec<(u32, u32)>,
 }
 
 impl TriangleTree {
     /// `triangles` must be finite.
-    pub fn build(triangles: &[[Vec3; 3]], progress: &Progress) -> Result<Self> {
+    pub(super) fn build(triangles: &[[Vec3; 3]], progress: &Progress) -> Result<Self> {
         let references = references(triangles);
         progress.check()?;
         let chunks = halve(references, progress)?;
@@ -77,12 +77,18 @@ impl TriangleTree {
     }
 
     /// ρ(b, W) of LAMA, eq. 4, for one placed box: how often its 12 edges cross a triangle at world z >= `above`.
-    pub fn count(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
+    pub(super) fn count(&self, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
         self.count_at(Level::current(), placed, above, scratch)
     }
 
     /// [`TriangleTree::count`] at a level that the processor has.
-    pub fn count_at(&self, level: Level, placed: &OrientedBox, above: f32, scratch: &mut Scratch) -> u32 {
+    pub(super) fn count_at(
+        &self,
+        level: Level,
+        placed: &OrientedBox,
+        above: f32,
+        scratch: &mut Scratch,
+    ) -> u32 {
         level.run_in_eights(Count { tree: self, placed, above, scratch })
     }
 
@@ -126,7 +132,7 @@ impl TriangleTree {
     }
 
     /// Distance along `direction` (unit) to the nearest triangle within `max`, from either side.
-    pub fn ray(&self, origin: Vec3, direction: Vec3, max: f32) -> Option<f32> {
+    pub(super) fn ray(&self, origin: Vec3, direction: Vec3, max: f32) -> Option<f32> {
         let mut nearest = max;
         let mut hit = false;
         self.visit_ray(origin, direction, &mut nearest, |block, lane, nearest| {
@@ -142,7 +148,7 @@ impl TriangleTree {
 
     /// Every distance at which the ray passes a triangle within `max`, ascending, with |cos| of the angle between
     /// the ray and the triangle's normal. A triangle that was cut for the tree is reported once.
-    pub fn ray_all(&self, origin: Vec3, direction: Vec3, max: f32) -> Vec<(f32, f32)> {
+    pub(super) fn ray_all(&self, origin: Vec3, direction: Vec3, max: f32) -> Vec<(f32, f32)> {
         let mut hits: Vec<(f32, u32, f32)> = Vec::new();
         let mut reach = max;
         self.visit_ray(origin, direction, &mut reach, |block, lane, _| {
@@ -197,7 +203,7 @@ impl TriangleTree {
     }
 
     /// Bytes held.
-    pub fn memory(&self) -> usize {
+    pub(super) fn memory(&self) -> usize {
         self.nodes.len() * size_of::<Node>() + self.blocks.len() * size_of::<TriangleBlock>()
     }
 }

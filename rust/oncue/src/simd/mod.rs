@@ -15,14 +15,14 @@ mod x86;
 use std::fmt;
 use std::sync::OnceLock;
 
-pub use vector::{Portable, Simd};
+pub(crate) use vector::{Portable, Simd};
 #[cfg(target_arch = "x86_64")]
-pub use x86::{Avx2, Avx512};
+pub(crate) use x86::{Avx2, Avx512};
 
 /// A set of vector instructions, the smallest first. Those beyond [`Level::Portable`] carry the proof that the processor
 /// has them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Level {
+pub(crate) enum Level {
     /// Whatever the compiler may take for granted: any processor.
     Portable,
     /// x86-64 with AVX2 and FMA.
@@ -34,7 +34,7 @@ pub enum Level {
 }
 
 /// Something to calculate at any level.
-pub trait Kernel {
+pub(crate) trait Kernel {
     /// What it gives.
     type Output;
     /// Calculates with the instructions of `simd`. To be marked `#[inline(always)]`, as all that it calls.
@@ -44,7 +44,7 @@ pub trait Kernel {
 impl Level {
     /// The highest level of this processor, or the lower one that the environment variable `ONCUE_SIMD` names
     /// (`portable`, `avx2`, `avx512`). Asked once a process.
-    pub fn current() -> Level {
+    pub(crate) fn current() -> Level {
         static CURRENT: OnceLock<Level> = OnceLock::new();
         *CURRENT.get_or_init(|| {
             let best = Self::available().fold(Level::Portable, Level::max);
@@ -55,7 +55,7 @@ impl Level {
 
     /// The levels that this processor has, the smallest first.
     #[cfg(target_arch = "x86_64")]
-    pub fn available() -> impl Iterator<Item = Level> {
+    pub(crate) fn available() -> impl Iterator<Item = Level> {
         let vectors = [Avx2::detect().map(Level::Avx2), Avx512::detect().map(Level::Avx512)];
         [Level::Portable].into_iter().chain(vectors.into_iter().flatten())
     }
@@ -68,7 +68,7 @@ impl Level {
 
     /// Runs a kernel with the widest vectors of this level: 4 numbers side by side, 8 with AVX2, 16 with AVX-512.
     #[inline]
-    pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             Level::Portable => kernel.run(Portable::<4>),
             #[cfg(target_arch = "x86_64")]
@@ -81,7 +81,7 @@ impl Level {
     /// Runs a kernel over data that lies in eights, with vectors of 8 numbers at every level. Every level gives the same
     /// bits as long as the kernel takes no fused product.
     #[inline]
-    pub fn run_in_eights<K: Kernel>(self, kernel: K) -> K::Output {
+    pub(crate) fn run_in_eights<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             Level::Portable => kernel.run(Portable::<8>),
             #[cfg(target_arch = "x86_64")]

@@ -2,7 +2,7 @@
 
 /// Vectors of [`Simd::LANES`] numbers, and the proof that the processor has what they need: a value of this exists only
 /// then.
-pub trait Simd: Copy {
+pub(crate) trait Simd: Copy {
     /// Numbers side by side.
     const LANES: usize;
     /// Rows of a product's tile that fit the registers, two vectors each.
@@ -66,7 +66,7 @@ pub trait Simd: Copy {
 
 /// Lanes for every processor; the compiler puts them in what registers it has.
 #[derive(Debug, Clone, Copy)]
-pub struct Portable<const LANES: usize>;
+pub(crate) struct Portable<const LANES: usize>;
 
 #[inline(always)]
 fn zip<const N: usize>(a: [f32; N], b: [f32; N], f: impl Fn(f32, f32) -> f32) -> [f32; N] {

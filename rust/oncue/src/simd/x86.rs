@@ -6,11 +6,11 @@ use super::{Kernel, Simd};
 
 /// AVX2 and FMA: registers of 8 numbers. The processor has them: only `detect` gives one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Avx2(());
+pub(crate) struct Avx2(());
 
 impl Avx2 {
     /// The proof, where the processor has the instructions.
-    pub fn detect() -> Option<Self> {
+    pub(crate) fn detect() -> Option<Self> {
         (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma")).then_some(Self(()))
     }
 
@@ -95,16 +95,16 @@ impl Simd for Avx2 {
 
 /// AVX-512 F beside AVX2 and FMA: registers of 16 numbers. The processor has them: only `detect` gives one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Avx512(());
+pub(crate) struct Avx512(());
 
 impl Avx512 {
     /// The proof, where the processor has the instructions.
-    pub fn detect() -> Option<Self> {
+    pub(crate) fn detect() -> Option<Self> {
         (Avx2::detect().is_some() && is_x86_feature_detected!("avx512f")).then_some(Self(()))
     }
 
     /// The proof of the narrower level, which every such processor has.
-    pub fn avx2(self) -> Avx2 {
+    pub(crate) fn avx2(self) -> Avx2 {
         Avx2(())
     }
 

@@ -13,7 +13,7 @@ const FASTEST: f32 = 1.875;
 
 /// An offset (radians or metres) that goes to zero without a jump in value, velocity or acceleration.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Inertia {
+pub(super) struct Inertia {
     pub offset: Vec3,
     pub velocity: Vec3,
     acceleration: Vec3,
@@ -23,18 +23,18 @@ pub struct Inertia {
 
 impl Inertia {
     /// From now on it is gone in `seconds`, from what it is and as fast as it moves.
-    pub fn settle_in(&mut self, seconds: f32) {
+    pub(super) fn settle_in(&mut self, seconds: f32) {
         self.left = seconds;
     }
 
     /// At `offset` with `velocity`, and gone in `seconds`.
-    pub fn begin(&mut self, offset: Vec3, velocity: Vec3, seconds: f32) {
+    pub(super) fn begin(&mut self, offset: Vec3, velocity: Vec3, seconds: f32) {
         *self = Self { offset, velocity, acceleration: Vec3::ZERO, left: seconds };
     }
 
     /// It came to lie at `offset` in this frame instead, and goes on at the pace that makes; `seconds` to catch up, if no
     /// more are left.
-    pub fn divert(&mut self, offset: Vec3, seconds: f32) {
+    pub(super) fn divert(&mut self, offset: Vec3, seconds: f32) {
         self.velocity += (offset - self.offset) / FRAME_TIME;
         self.offset = offset;
         self.left = self.left.max(seconds);
@@ -42,7 +42,7 @@ impl Inertia {
 
     /// One frame towards zero: a polynomial of the fifth degree, from what is to rest.
     #[inline]
-    pub fn step(&mut self) {
+    pub(super) fn step(&mut self) {
         let (t, left) = (FRAME_TIME, self.left);
         if left <= 1.001 * t {
             *self = Self::default();
@@ -59,19 +59,19 @@ impl Inertia {
     }
 
     /// Two noisy velocities may differ by more than any joint turns: 8 rad/s (or m/s) at the most.
-    pub fn limit_velocity(&mut self) {
+    pub(super) fn limit_velocity(&mut self) {
         self.velocity = self.velocity.clamp_length_max(8.0);
     }
 }
 
 /// Seconds, `shortest` or more, in which an offset of `angle` radians goes to zero no faster than `speed` radians a second.
-pub fn settling_time(angle: f32, speed: f32, shortest: f32) -> f32 {
+pub(super) fn settling_time(angle: f32, speed: f32, shortest: f32) -> f32 {
     (FASTEST * angle / speed.max(1e-3)).clamp(shortest, LONGEST)
 }
 
 /// A velocity that dies away: the root glides from the old clip's pace to the new one's. x, y: m/s; z: rad/s.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Glide {
+pub(super) struct Glide {
     velocity: Vec3,
     acceleration: Vec3,
     left: f32,
@@ -79,13 +79,13 @@ pub struct Glide {
 
 impl Glide {
     /// So much faster, and gone in `seconds`.
-    pub fn add(&mut self, velocity: Vec3, seconds: f32) {
+    pub(super) fn add(&mut self, velocity: Vec3, seconds: f32) {
         self.velocity += velocity;
         self.left = seconds;
     }
 
     /// The displacement of one frame: of a velocity that goes to zero along a cubic.
-    pub fn step(&mut self) -> Vec3 {
+    pub(super) fn step(&mut self) -> Vec3 {
         let (t, left) = (FRAME_TIME, self.left);
         if left <= 1.001 * t {
             *self = Self::default();

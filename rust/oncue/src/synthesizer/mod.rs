@@ -25,17 +25,17 @@ use alignment::Alignment;
 use feet::Foot;
 use inertia::{Glide, Inertia};
 
-pub use pace::{Paced, unhurried};
+pub(crate) use pace::unhurried;
 
 /// Seconds of one frame.
-pub const FRAME_TIME: f32 = 1.0 / FRAME_RATE;
+pub(crate) const FRAME_TIME: f32 = 1.0 / FRAME_RATE;
 
 /// The joints that the posture offset a^offset turns: shoulders and elbows (angle-axis, 12 numbers).
-pub const OFFSET_JOINTS: [Joint; 4] =
+pub(crate) const OFFSET_JOINTS: [Joint; 4] =
     [Joint::LeftArm, Joint::LeftForeArm, Joint::RightArm, Joint::RightForeArm];
 
 /// a^offset: an angle-axis vector (radians, in the joint's own frame) for each of [`OFFSET_JOINTS`].
-pub type PostureOffset = [Vec3; OFFSET_JOINTS.len()];
+pub(crate) type PostureOffset = [Vec3; OFFSET_JOINTS.len()];
 
 /// How long a transition's difference lasts at the least, seconds.
 const SETTLES_IN: f32 = 0.35;

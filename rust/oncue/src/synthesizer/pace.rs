@@ -17,7 +17,7 @@ const SAME: f32 = 1e-3;
 
 /// A motion at another pace.
 #[derive(Debug, Clone)]
-pub struct Paced {
+pub(crate) struct Paced {
     pub motion: Motion,
     /// The frame of the motion before, with its fraction, that each frame shows.
     shows: Vec<f32>,
@@ -25,14 +25,14 @@ pub struct Paced {
 
 impl Paced {
     /// The first frame that shows frame `before` of the motion before, or what comes after.
-    pub fn frame_of(&self, before: usize) -> usize {
+    pub(crate) fn frame_of(&self, before: usize) -> usize {
         let after = self.shows.iter().position(|f| f + SAME >= before as f32);
         after.unwrap_or(self.shows.len().saturating_sub(1))
     }
 }
 
 /// The motion so much slower, where it must be, that no joint turns faster than `limits`; `None` where none does.
-pub fn unhurried(motion: &Motion, limits: &TurnLimits) -> Option<Paced> {
+pub(crate) fn unhurried(motion: &Motion, limits: &TurnLimits) -> Option<Paced> {
     // How many frames each step from frame to frame takes.
     let mut frames: Vec<f32> = motion.postures.windows(2).map(|pair| over(hurry(pair, limits))).collect();
     if frames.iter().all(|f| *f <= 1.0) {

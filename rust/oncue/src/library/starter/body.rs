@@ -435,7 +435,7 @@ fn seat_feet(plan: &Plan, seat: &[SeatState], yaw: &[f32], feet: &mut [Vec<FootS
 }
 
 /// The motion of a whole plan at 30 Hz.
-pub fn animate(plan: &Plan) -> Motion {
+pub(super) fn animate(plan: &Plan) -> Motion {
     let signals = Signals::of(plan);
     let frames = (signals.pelvis.len() - 1) / FINE + 1;
     let postures: Vec<Posture> = (0..frames).map(|f| signals.posture(plan, f * FINE)).collect();

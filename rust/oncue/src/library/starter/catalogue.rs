@@ -16,13 +16,13 @@ use crate::motion::{FRAME_RATE, Motion};
 use crate::progress::Progress;
 
 /// Seat heights, metres.
-pub const SEAT_HEIGHTS: [f32; 11] = [0.30, 0.34, 0.38, 0.42, 0.46, 0.50, 0.54, 0.59, 0.64, 0.70, 0.75];
+pub(super) const SEAT_HEIGHTS: [f32; 11] = [0.30, 0.34, 0.38, 0.42, 0.46, 0.50, 0.54, 0.59, 0.64, 0.70, 0.75];
 
 /// Of these, where one may have to turn on the seat: chairs and stools at tables and counters, not sofas.
-pub const SWIVEL_HEIGHTS: [f32; 5] = [0.38, 0.46, 0.54, 0.64, 0.75];
+pub(super) const SWIVEL_HEIGHTS: [f32; 5] = [0.38, 0.46, 0.54, 0.64, 0.75];
 
 /// Of these, where a panel may leave no room for the knees: stools at bars.
-pub const BAR_HEIGHTS: [f32; 3] = [0.64, 0.70, 0.75];
+pub(super) const BAR_HEIGHTS: [f32; 3] = [0.64, 0.70, 0.75];
 
 /// Seconds of standing before and after what a clip is about.
 const MARGIN: f32 = 0.5;

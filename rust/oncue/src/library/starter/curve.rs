@@ -4,7 +4,7 @@ use std::f32::consts::TAU;
 
 /// The cubic spline (twice continuously differentiable) through `(x, y)` knots, with given end slopes.
 #[derive(Debug, Clone)]
-pub struct Spline {
+pub(super) struct Spline {
     x: Vec<f32>,
     y: Vec<f32>,
     /// Slope at each knot.
@@ -13,7 +13,7 @@ pub struct Spline {
 
 impl Spline {
     /// `knots` in ascending `x`, at least two; `ends` are the slopes at the first and the last.
-    pub fn new(knots: &[(f32, f32)], ends: (f32, f32)) -> Self {
+    pub(super) fn new(knots: &[(f32, f32)], ends: (f32, f32)) -> Self {
         let (x, y): (Vec<f32>, Vec<f32>) = knots.iter().copied().unzip();
         let n = x.len();
         // Continuity of the second derivative at the inner knots is a tridiagonal system in the slopes.
@@ -37,7 +37,7 @@ impl Spline {
     }
 
     /// The value at `x`, held constant outside the knots.
-    pub fn at(&self, x: f32) -> f32 {
+    pub(super) fn at(&self, x: f32) -> f32 {
         let last = self.x.len() - 1;
         if x <= self.x[0] {
             return self.y[0];
@@ -57,25 +57,25 @@ impl Spline {
 }
 
 /// Minimum-jerk progress from 0 to 1 (Flash & Hogan 1985): velocity and acceleration vanish at both ends.
-pub fn minimum_jerk(u: f32) -> f32 {
+pub(super) fn minimum_jerk(u: f32) -> f32 {
     let u = u.clamp(0.0, 1.0);
     u * u * u * (10.0 + u * (6.0 * u - 15.0))
 }
 
 /// Minimum-jerk progress of `t` from `first` to `last`.
-pub fn ease(t: f32, first: f32, last: f32) -> f32 {
+pub(super) fn ease(t: f32, first: f32, last: f32) -> f32 {
     if last <= first {
         return if t < last { 0.0 } else { 1.0 };
     }
     minimum_jerk((t - first) / (last - first))
 }
 
-pub fn mix(a: f32, b: f32, weight: f32) -> f32 {
+pub(super) fn mix(a: f32, b: f32, weight: f32) -> f32 {
     a + (b - a) * weight
 }
 
 /// Values joined by half a cosine between `(time, value)` keys, constant outside.
-pub fn keyed(keys: &[(f32, f32)], t: f32) -> f32 {
+pub(super) fn keyed(keys: &[(f32, f32)], t: f32) -> f32 {
     let i = keys.partition_point(|k| k.0 <= t);
     if i == 0 {
         return keys.first().map_or(0.0, |k| k.1);
@@ -89,7 +89,7 @@ pub fn keyed(keys: &[(f32, f32)], t: f32) -> f32 {
 }
 
 /// Gaussian smoothing with the standard deviation `sigma` in samples; the ends are held.
-pub fn smooth(values: &[f32], sigma: f32) -> Vec<f32> {
+pub(super) fn smooth(values: &[f32], sigma: f32) -> Vec<f32> {
     let radius = (3.0 * sigma).ceil() as isize;
     let kernel: Vec<f32> = (-radius..=radius).map(|k| (-0.5 * (k as f32 / sigma).powi(2)).exp()).collect();
     let total: f32 = kernel.iter().sum();
@@ -107,7 +107,7 @@ pub fn smooth(values: &[f32], sigma: f32) -> Vec<f32> {
 }
 
 /// The smallest value within `radius` samples of each.
-pub fn running_minimum(values: &[f32], radius: usize) -> Vec<f32> {
+pub(super) fn running_minimum(values: &[f32], radius: usize) -> Vec<f32> {
     (0..values.len())
         .map(|i| {
             let window = &values[i.saturating_sub(radius)..(i + radius + 1).min(values.len())];
@@ -119,7 +119,7 @@ pub fn running_minimum(values: &[f32], radius: usize) -> Vec<f32> {
 /// The motion of a mass on an inverted pendulum of constant height whose centre of pressure is `pressure`:
 /// solves `c - c″ / ω² = p` (Kajita et al. 2001) over the whole clip, so the mass moves before the foot does.
 /// `step` in seconds; at rest at both ends.
-pub fn pendulum(pressure: &[f32], omega: f32, step: f32) -> Vec<f32> {
+pub(super) fn pendulum(pressure: &[f32], omega: f32, step: f32) -> Vec<f32> {
     let n = pressure.len();
     let k = 1.0 / f64::from(omega * step).powi(2);
     let (mut upper, mut right) = (vec![0.0f64; n], vec![0.0f64; n]);

@@ -70,7 +70,7 @@ const PROGRESS: [(f32, f32); 10] = [
 
 /// A foot at one moment.
 #[derive(Debug, Clone, Copy)]
-pub struct FootSample {
+pub(super) struct FootSample {
     /// The Toe joint, world.
     pub ball: Vec3,
     pub yaw: f32,
@@ -84,12 +84,12 @@ pub struct FootSample {
 
 impl FootSample {
     /// The foot's rotation in the world.
-    pub fn rotation(&self) -> Quat {
+    pub(super) fn rotation(&self) -> Quat {
         Quat::from_rotation_z(self.yaw) * Quat::from_rotation_x(-self.pitch)
     }
 
     /// The Foot joint, world.
-    pub fn ankle(&self) -> Vec3 {
+    pub(super) fn ankle(&self) -> Vec3 {
         self.ball - self.rotation() * JOINT_OFFSET[Joint::LeftToe.index()]
     }
 }
@@ -220,13 +220,13 @@ fn soft_maximum(a: f32, b: f32, width: f32) -> f32 {
 static PROGRESS_SPLINE: LazyLock<Spline> = LazyLock::new(|| Spline::new(&PROGRESS, (0.0, 0.0)));
 
 /// The whole path of one foot.
-pub struct FootTrack {
+pub(super) struct FootTrack {
     first: Foothold,
     flights: Vec<Flight>,
 }
 
 impl FootTrack {
-    pub fn new(plan: &Plan, side: usize) -> Self {
+    pub(super) fn new(plan: &Plan, side: usize) -> Self {
         let mut now = plan.feet;
         let mut flights: Vec<Flight> = Vec::new();
         for step in &plan.steps {
@@ -240,7 +240,7 @@ impl FootTrack {
         Self { first: plan.feet[side], flights }
     }
 
-    pub fn sample(&self, t: f32) -> FootSample {
+    pub(super) fn sample(&self, t: f32) -> FootSample {
         let next = self.flights.partition_point(|f| f.rise <= t);
         match next.checked_sub(1).map(|i| &self.flights[i]) {
             Some(flight) if t < flight.flat => flight.sample(t),
@@ -253,7 +253,7 @@ impl FootTrack {
     }
 
     /// Where the foot stands or is about to land at `t`.
-    pub fn foothold(&self, t: f32) -> Foothold {
+    pub(super) fn foothold(&self, t: f32) -> Foothold {
         let past = self.flights.partition_point(|f| f.lift <= t);
         past.checked_sub(1).map_or(self.first, |i| self.flights[i].to)
     }

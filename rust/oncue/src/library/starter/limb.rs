@@ -6,7 +6,7 @@ use crate::motion::Joint;
 use crate::motion::skeleton::{JOINT_OFFSET, LEG_LENGTH};
 
 /// The longest reach of a leg: knee flexed by 7°. Straighter, a millimetre would turn the knee by degrees.
-pub const LEG_REACH: f32 = 2.0 * LEG_LENGTH * 0.99813;
+pub(super) const LEG_REACH: f32 = 2.0 * LEG_LENGTH * 0.99813;
 
 const UPPER_ARM: f32 = JOINT_OFFSET[Joint::LeftForeArm as usize].x;
 const FOREARM: f32 = JOINT_OFFSET[Joint::LeftHand as usize].x;
@@ -14,7 +14,7 @@ const FOREARM: f32 = JOINT_OFFSET[Joint::LeftHand as usize].x;
 /// World rotations of thigh and shin that put the ankle at `ankle`, with the knee towards `forward`.
 ///
 /// Out of reach, the leg points at the ankle.
-pub fn leg(hip: Vec3, ankle: Vec3, forward: Vec3) -> (Quat, Quat) {
+pub(super) fn leg(hip: Vec3, ankle: Vec3, forward: Vec3) -> (Quat, Quat) {
     let span = ankle - hip;
     let distance = span.length().clamp(0.15, LEG_REACH);
     let down = span.normalize_or(Vec3::NEG_Z);
@@ -30,7 +30,7 @@ pub fn leg(hip: Vec3, ankle: Vec3, forward: Vec3) -> (Quat, Quat) {
 }
 
 /// World rotations of upper arm and forearm (`sign` 1 left, -1 right) that put the wrist at `wrist`, elbow towards `elbow`.
-pub fn arm(sign: f32, shoulder: Vec3, wrist: Vec3, elbow: Vec3) -> (Quat, Quat) {
+pub(super) fn arm(sign: f32, shoulder: Vec3, wrist: Vec3, elbow: Vec3) -> (Quat, Quat) {
     let span = wrist - shoulder;
     let distance = span.length().clamp(0.12, 0.995 * (UPPER_ARM + FOREARM));
     let along = span.normalize_or(Vec3::NEG_Z);

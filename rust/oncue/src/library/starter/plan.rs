@@ -14,25 +14,25 @@ use crate::motion::skeleton::JOINT_OFFSET;
 
 /// Where a foot stands: its ankle's projection on the floor, and its yaw (not wrapped).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Foothold {
+pub(super) struct Foothold {
     pub ankle: Vec2,
     pub yaw: f32,
 }
 
 /// The Toe joint of a flat foot on `hold`.
-pub fn ball_of(hold: &Foothold) -> Vec2 {
+pub(super) fn ball_of(hold: &Foothold) -> Vec2 {
     hold.ankle + hold.forward() * BALL
 }
 
 impl Foothold {
-    pub fn forward(&self) -> Vec2 {
+    pub(super) fn forward(&self) -> Vec2 {
         rotate(self.yaw, Vec2::NEG_Y)
     }
 }
 
 /// One step of one foot.
 #[derive(Debug, Clone, Copy)]
-pub struct Step {
+pub(super) struct Step {
     /// 0 left, 1 right.
     pub side: usize,
     /// The ball of the foot leaves the floor, seconds.
@@ -44,7 +44,7 @@ pub struct Step {
 
 /// The way down to a seat or up from it.
 #[derive(Debug, Clone, Copy)]
-pub struct Seating {
+pub(super) struct Seating {
     pub down: bool,
     /// Seconds: the trunk begins to move.
     pub start: f32,
@@ -56,7 +56,7 @@ pub struct Seating {
 
 /// The seat that a clip uses, and where the pelvis rests on it.
 #[derive(Debug, Clone, Copy)]
-pub struct Seat {
+pub(super) struct Seat {
     /// Metres.
     pub height: f32,
     /// See [`super::seat::seated_legs`], radians.
@@ -73,7 +73,7 @@ pub struct Seat {
 
 /// All that the motion of one clip follows from.
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub(super) struct Plan {
     pub style: Style,
     /// Where the feet stand at time 0, left and right.
     pub feet: [Foothold; 2],
@@ -87,7 +87,7 @@ pub struct Plan {
 
 impl Plan {
     /// How far a seated person has turned on the seat at `t` seconds: 0 to 1.
-    pub fn swivelled(&self, t: f32) -> f32 {
+    pub(super) fn swivelled(&self, t: f32) -> f32 {
         self.swivel_time().map_or(1.0, |(from, to)| ease(t, from, to))
     }
 
@@ -98,7 +98,7 @@ impl Plan {
     }
 
     /// Where the pelvis joint rests on `seat` at `t` seconds.
-    pub fn seat_place(&self, seat: &Seat, t: f32) -> Vec2 {
+    pub(super) fn seat_place(&self, seat: &Seat, t: f32) -> Vec2 {
         let moved = match self.swivel_time() {
             // Who has no room for the knees moves in once they are past what is ahead.
             Some((from, to)) if seat.spread > 0.0 => ease(t, mix(from, to, MOVE_IN_FROM), to + SETTLE),
@@ -108,54 +108,54 @@ impl Plan {
     }
 
     /// How far each knee is turned outwards at `t` seconds, radians.
-    pub fn knee_spread(&self, t: f32) -> f32 {
+    pub(super) fn knee_spread(&self, t: f32) -> f32 {
         self.seat.map_or(0.0, |seat| seat.spread * ease(self.swivelled(t), 0.0, KNEES_PAST))
     }
 
     /// The steps that carry the body: those of a seated person do not.
-    pub fn standing_steps(&self) -> impl Iterator<Item = &Step> {
+    pub(super) fn standing_steps(&self) -> impl Iterator<Item = &Step> {
         self.steps.iter().filter(|step| !self.is_seated(step))
     }
 
     /// Whether the person sits while taking this step.
-    pub fn is_seated(&self, step: &Step) -> bool {
+    pub(super) fn is_seated(&self, step: &Step) -> bool {
         let past = self.seatings.iter().rev().find(|s| s.start < step.lift);
         past.is_some_and(|s| s.down && step.lift >= 0.5 * (s.start + s.end))
     }
 }
 
 /// Metres between the ankles while standing.
-pub const STANDING_WIDTH: f32 = 0.17;
+pub(super) const STANDING_WIDTH: f32 = 0.17;
 /// Metres between the ankles while walking.
-pub const WALKING_WIDTH: f32 = 0.115;
+pub(super) const WALKING_WIDTH: f32 = 0.115;
 /// From the ankle to the ball of the foot along the sole, metres.
-pub const BALL: f32 = -JOINT_OFFSET[Joint::LeftToe.index()].y;
+pub(super) const BALL: f32 = -JOINT_OFFSET[Joint::LeftToe.index()].y;
 const TOE_OUT: f32 = 0.11;
 /// The longest swing of a small step: seconds, and for each metre that the ball of the foot moves.
 const SHORTEST_SWING: f32 = 0.23;
 const SWING_PER_METRE: f32 = 0.45;
 /// Share of the way down after which a person may turn on the seat: the weight is on it and the trunk comes up.
-pub const SWIVEL_FROM: f32 = 0.80;
+pub(super) const SWIVEL_FROM: f32 = 0.80;
 /// Share of the turn on the seat in which knees are spread, and from which on one moves in: both have passed by then
 /// what is ahead in the end.
 const KNEES_PAST: f32 = 0.6;
 const MOVE_IN_FROM: f32 = 0.7;
 /// Seconds from the last step of the turn until all of the body has come round.
-pub const SETTLE: f32 = 0.25;
+pub(super) const SETTLE: f32 = 0.25;
 
 /// Step length in metres at a walking speed in m/s.
-pub fn step_length(speed: f32) -> f32 {
+pub(super) fn step_length(speed: f32) -> f32 {
     0.70 * (speed / 1.4).powf(0.58)
 }
 
 /// Share of a step's time from one foot's touch to the lift of the other's ball; its toes leave a little later,
 /// so this is about two thirds of double support.
-pub fn double_support_share(speed: f32) -> f32 {
+pub(super) fn double_support_share(speed: f32) -> f32 {
     (0.38 - 0.18 * speed).clamp(0.11, 0.36)
 }
 
 /// Lays down a plan, step after step, from standing at the origin facing -Y.
-pub struct Planner {
+pub(super) struct Planner {
     plan: Plan,
     /// The body's frame over the last foothold: place and yaw (not wrapped).
     position: Vec2,
@@ -170,7 +170,7 @@ pub struct Planner {
 
 /// What one step does to the body's frame, and how fast.
 #[derive(Debug, Clone, Copy)]
-pub struct Stride {
+pub(super) struct Stride {
     /// Metres.
     pub forward: f32,
     /// Metres.
@@ -186,7 +186,7 @@ pub struct Stride {
 }
 
 impl Planner {
-    pub fn new(style: Style, first_side: usize) -> Self {
+    pub(super) fn new(style: Style, first_side: usize) -> Self {
         let foot = |side: usize| foothold(Vec2::ZERO, 0.0, side, STANDING_WIDTH, &style);
         let feet = [foot(0), foot(1)];
         let plan = Plan { style, feet, steps: Vec::new(), duration: 0.0, seat: None, seatings: Vec::new() };
@@ -194,30 +194,30 @@ impl Planner {
     }
 
     /// Seconds so far: the last foot's landing or the end of the stand after it.
-    pub fn now(&self) -> f32 {
+    pub(super) fn now(&self) -> f32 {
         self.free.max(self.landed)
     }
 
     /// Whether a step, not a stand, came last.
-    pub fn stepped(&self) -> bool {
+    pub(super) fn stepped(&self) -> bool {
         self.landed > self.free
     }
 
-    pub fn yaw(&self) -> f32 {
+    pub(super) fn yaw(&self) -> f32 {
         self.yaw
     }
 
-    pub fn position(&self) -> Vec2 {
+    pub(super) fn position(&self) -> Vec2 {
         self.position
     }
 
-    pub fn stand(&mut self, seconds: f32) -> &mut Self {
+    pub(super) fn stand(&mut self, seconds: f32) -> &mut Self {
         self.free = self.now() + seconds;
         self
     }
 
     /// One step with the next foot; the other foot is next after it.
-    pub fn stride(&mut self, stride: Stride) -> &mut Self {
+    pub(super) fn stride(&mut self, stride: Stride) -> &mut Self {
         let side = self.next;
         let heading = self.yaw + 0.5 * stride.turn;
         self.position += rotate(heading, Vec2::new(stride.left, -stride.forward));
@@ -236,7 +236,7 @@ impl Planner {
     }
 
     /// One walking step at `speed`, of `share` of that speed's length, turning by `turn`.
-    pub fn step(&mut self, speed: f32, share: f32, turn: f32) -> &mut Self {
+    pub(super) fn step(&mut self, speed: f32, share: f32, turn: f32) -> &mut Self {
         let style = self.plan.style;
         let length = step_length(speed) * style.length;
         let duration = length / speed * (0.35 + 0.65 * share);
@@ -252,13 +252,13 @@ impl Planner {
     }
 
     /// From standing: weight shifts, a short first step, a nearly full second.
-    pub fn start(&mut self, speed: f32, turn: f32) -> &mut Self {
+    pub(super) fn start(&mut self, speed: f32, turn: f32) -> &mut Self {
         self.stand(0.55);
         self.step(speed, 0.66, turn).step(speed, 0.9, 0.0)
     }
 
     /// `count` steps at `speed`, each turning by `turn`.
-    pub fn walk(&mut self, count: usize, speed: f32, turn: f32) -> &mut Self {
+    pub(super) fn walk(&mut self, count: usize, speed: f32, turn: f32) -> &mut Self {
         for _ in 0..count {
             self.step(speed, 1.0, turn);
         }
@@ -266,14 +266,14 @@ impl Planner {
     }
 
     /// Two shortening steps, the second closing beside the first.
-    pub fn stop(&mut self, speed: f32) -> &mut Self {
+    pub(super) fn stop(&mut self, speed: f32) -> &mut Self {
         let slower = (0.8 * speed).max(0.4);
         self.step(slower, 0.72, 0.0);
         self.close(0.42)
     }
 
     /// The other foot comes beside the one that stands.
-    pub fn close(&mut self, swing: f32) -> &mut Self {
+    pub(super) fn close(&mut self, swing: f32) -> &mut Self {
         self.stride(Stride {
             forward: 0.0,
             left: 0.0,
@@ -300,7 +300,7 @@ impl Planner {
     }
 
     /// Turns on the spot by `total` (radians, left positive) in `count` pairs of steps, the inner foot first.
-    pub fn turn_on_spot(&mut self, total: f32, count: usize) -> &mut Self {
+    pub(super) fn turn_on_spot(&mut self, total: f32, count: usize) -> &mut Self {
         let swing = 0.32 + 0.12 * (total / count as f32).abs();
         self.turn_in_pairs(total, count, |_, turn| Stride {
             forward: 0.0,
@@ -313,7 +313,7 @@ impl Planner {
     }
 
     /// A side step by `left` metres: out and close.
-    pub fn side_step(&mut self, left: f32, swing: f32) -> &mut Self {
+    pub(super) fn side_step(&mut self, left: f32, swing: f32) -> &mut Self {
         self.next = if left > 0.0 { 0 } else { 1 };
         for (share, both) in [(1.0, 0.2), (0.0, 0.18)] {
             self.stride(Stride {
@@ -330,7 +330,7 @@ impl Planner {
 
     /// Turns on the seat by `total` (radians, left positive) in `count` pairs of steps round the pelvis, the inner foot
     /// first. `radius`: ankles from the pelvis joint, metres; the pelvis moves by `shift` meanwhile.
-    pub fn swivel(&mut self, total: f32, count: usize, radius: f32, shift: Vec2) -> &mut Self {
+    pub(super) fn swivel(&mut self, total: f32, count: usize, radius: f32, shift: Vec2) -> &mut Self {
         self.turn_in_pairs(total, count, |planner, turn| {
             let chord = rotate(turn, Vec2::NEG_Y) - Vec2::NEG_Y;
             // What the stride does to the body's frame, seen from half-way between both headings.
@@ -348,7 +348,7 @@ impl Planner {
     }
 
     /// One step backwards by `length` metres at `speed`.
-    pub fn back_step(&mut self, length: f32, speed: f32, turn: f32) -> &mut Self {
+    pub(super) fn back_step(&mut self, length: f32, speed: f32, turn: f32) -> &mut Self {
         let duration = (length / speed).max(0.5);
         self.stride(Stride {
             forward: -length,
@@ -361,19 +361,19 @@ impl Planner {
     }
 
     /// The plan as it stands, ending now.
-    pub fn finish(mut self) -> Plan {
+    pub(super) fn finish(mut self) -> Plan {
         self.plan.duration = self.now();
         self.plan
     }
 
     /// For what a stride cannot say: seats.
-    pub fn plan_mut(&mut self) -> &mut Plan {
+    pub(super) fn plan_mut(&mut self) -> &mut Plan {
         &mut self.plan
     }
 }
 
 /// The foothold of `side` under a body frame.
-pub fn foothold(position: Vec2, yaw: f32, side: usize, width: f32, style: &Style) -> Foothold {
+pub(super) fn foothold(position: Vec2, yaw: f32, side: usize, width: f32, style: &Style) -> Foothold {
     let sign = if side == 0 { 1.0 } else { -1.0 };
     let stagger = if width < STANDING_WIDTH { 0.0 } else { style.stagger };
     Foothold {

@@ -15,7 +15,7 @@ const HIP_BELOW_PELVIS: f32 = 0.02;
 
 /// How the legs rest on a seat of some height.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SeatedLegs {
+pub(super) struct SeatedLegs {
     /// Ankles ahead of the pelvis joint, metres.
     pub ankle_ahead: f32,
     /// Height of the ankles, metres.
@@ -27,11 +27,11 @@ pub struct SeatedLegs {
 }
 
 /// Shins this much further under the seat, radians: how one sits down where a table leaves little room.
-pub const TUCKED: f32 = 0.30;
+pub(super) const TUCKED: f32 = 0.30;
 
 /// Legs of a person on a seat of `height` metres: feet flat up to about 0.54 m, then on the balls of the feet, then
 /// hanging. `tuck`: radians that the shins lean back beyond what is comfortable.
-pub fn seated_legs(height: f32, tuck: f32) -> SeatedLegs {
+pub(super) fn seated_legs(height: f32, tuck: f32) -> SeatedLegs {
     // Shins lean back under the seat on a chair, the feet go forward on a low one.
     let shin = mix(-14.0, 7.0, ((height - 0.30) / 0.14).clamp(0.0, 1.0)).to_radians() + tuck;
     let hip = height + SEATED_HIPS_HEIGHT - HIP_BELOW_PELVIS;
@@ -53,7 +53,7 @@ pub fn seated_legs(height: f32, tuck: f32) -> SeatedLegs {
 
 /// How far the body is on its way to the seat.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct SeatState {
+pub(super) struct SeatState {
     /// 0 over the feet, 1 over the seat.
     pub back: f32,
     /// 0 standing height, 1 on the seat.
@@ -76,7 +76,7 @@ fn greatest_lean(height: f32) -> f32 {
 }
 
 /// The state of `plan` at `t` seconds.
-pub fn seat_state(plan: &Plan, t: f32) -> SeatState {
+pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
     let Some(seat) = plan.seat else { return SeatState::default() };
     let current = plan.seatings.iter().rev().find(|s| s.start <= t).or(plan.seatings.first());
     let Some(&Seating { down, start, end, .. }) = current else { return SEATED };

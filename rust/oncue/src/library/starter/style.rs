@@ -5,7 +5,7 @@ use rand_pcg::Pcg64Mcg;
 
 /// Factors about 1, and the phases of the slow drifts of standing and breathing.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Style {
+pub(super) struct Style {
     /// Step length at a speed (so cadence the other way).
     pub length: f32,
     /// Width of the track.
@@ -46,7 +46,7 @@ impl Style {
     }
 
     /// The style of clip number `index`.
-    pub fn of_clip(index: u64) -> Self {
+    pub(super) fn of_clip(index: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(0x0A0C_0E00 + index);
         let mut about = |middle: f32, spread: f32| middle + spread * random.random_range(-1.0f32..1.0);
         Self {
