@@ -2,7 +2,12 @@
 
 Everything long runs as a :class:`Job`. One space everywhere, Blender's: right-handed, Z up, metres,
 quaternions w first; a character at rest faces -Y, and `yaw` (radians) turns it about +Z.
+
+What is done is logged under the logger `oncue`: each stage when it begins (DEBUG) and, with its seconds, when it has
+ended (INFO), and what is left out (WARNING). Records come when a job is asked for anything; their time is the event's.
 """
+
+import logging
 
 from ._native import (
     EditedMotion,
@@ -65,6 +70,9 @@ from .types import (
     SummaryRow,
     Task,
 )
+
+# Who wants the log says so: without this Python would print the warnings.
+logging.getLogger("oncue").addHandler(logging.NullHandler())
 
 __all__ = [
     "ActionCue",
