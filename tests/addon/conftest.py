@@ -49,7 +49,7 @@ def oncue():
 @pytest.fixture
 def core(oncue):
     """The compiled core."""
-    return oncue("native").require()
+    return oncue("native").core
 
 
 @pytest.fixture(autouse=True)
