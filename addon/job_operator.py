@@ -30,8 +30,8 @@ class JobHandle:
         self.title = ""
         #: Why the last run was stopped or failed, for the panel; empty after a success.
         self.message = ""
-        #: Whether that is a failure; a run that somebody stopped did not fail.
-        self.failed = False
+        #: The kind of error that it failed with; None where it did not fail, or was stopped.
+        self.failure: type[BaseException] | None = None
         #: What is said where the artist stops the task.
         self.stopped_note = CANCELLED
         self._timer, self._window_manager = None, None
@@ -39,10 +39,15 @@ class JobHandle:
         self._leaving: list[Run] = []
 
     def start(self, context: bpy.types.Context, title: str, run: Run, stopped_note: str = CANCELLED) -> None:
-        self.run, self.title, self.message, self.failed = run, title, "", False
+        self.run, self.title = run, title
+        self.forget()
         self.stopped_note = stopped_note
         self._window_manager = context.window_manager
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
+
+    def forget(self) -> None:
+        """Nothing is said of the last run any more."""
+        self.message, self.failure = "", None
 
     def end(self) -> None:
         """Lets the task go; a timer of its own is removed."""
@@ -55,7 +60,7 @@ class JobHandle:
         """Cancels the task and lets it go at once; its threads stop by themselves."""
         if self.run is None:
             return
-        self.message, self.failed = why, False
+        self.message, self.failure = why, None
         self.run.cancel()
         self._leaving = [run for run in (*self._leaving, self.run) if not run.poll()]
         self.end()
@@ -78,7 +83,7 @@ class JobOperator:
     #: What is said where the artist stops it.
     stopped_note = CANCELLED
 
-    def begin(self, context: bpy.types.Context) -> Steps:
+    def begin(self, context: bpy.types.Context) -> Steps[object]:
         """Reads the file and gives the steps of the task. Raises one of `native.expected_errors()`."""
         raise NotImplementedError
 
@@ -99,7 +104,7 @@ class JobOperator:
             self.finish(context, run_blocking(self.begin(context)))
         except native.expected_errors() as error:
             return self._refused(error)
-        handle.message = ""
+        handle.forget()
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -153,9 +158,11 @@ class JobOperator:
         return {"FINISHED"}
 
     def _refused(self, error: BaseException) -> set[str]:
-        handle.failed = not native.is_cancelled(error)
-        handle.message = native.sentence(error) if handle.failed else self.stopped_note
-        self.report({"ERROR" if handle.failed else "INFO"}, handle.message)
+        if native.is_cancelled(error):
+            handle.message, handle.failure = self.stopped_note, None
+        else:
+            handle.message, handle.failure = native.sentence(error), type(error)
+        self.report({"ERROR" if handle.failure else "INFO"}, handle.message)
         return {"CANCELLED"}
 
 

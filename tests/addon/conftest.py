@@ -56,7 +56,7 @@ def core(oncue):
 def context(oncue):
     """A fresh, empty file."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    oncue("job_operator").handle.message = ""
+    oncue("job_operator").handle.forget()
     return bpy.context
 
 
