@@ -9,10 +9,12 @@ that.
 
 from __future__ import annotations
 
+import logging
+
 import bpy
 from bpy.app.handlers import persistent
 
-from . import native
+from . import log, native
 from .pipeline import Run, Steps, run_blocking
 
 #: Seconds between two looks at the work.
@@ -101,7 +103,8 @@ class JobOperator:
     def execute(self, context: bpy.types.Context) -> set[str]:
         """The blocking way: to the end in one go."""
         try:
-            self.finish(context, run_blocking(self.begin(context)))
+            with log.bugs():
+                self.finish(context, run_blocking(self.begin(context)))
         except native.expected_errors() as error:
             return self._refused(error)
         handle.forget()
@@ -114,7 +117,8 @@ class JobOperator:
             self.report({"WARNING"}, "Oncue is already at work.")
             return {"CANCELLED"}
         try:
-            run = Run(self.begin(context))
+            with log.bugs():
+                run = Run(self.begin(context))
             run.poll()
         except native.expected_errors() as error:
             return self._refused(error)
@@ -146,11 +150,12 @@ class JobOperator:
     def _end(self, context: bpy.types.Context, run: Run) -> set[str]:
         handle.end()
         try:
-            value = run.result()
-            if context.scene.name != self._scene:
-                self.report({"ERROR"}, f"The result belongs to the scene {self._scene}: show it and run again.")
-                return {"CANCELLED"}
-            self.finish(context, value)
+            with log.bugs():
+                value = run.result()
+                if context.scene.name != self._scene:
+                    self.report({"ERROR"}, f"The result belongs to the scene {self._scene}: show it and run again.")
+                    return {"CANCELLED"}
+                self.finish(context, value)
         except native.expected_errors() as error:
             return self._refused(error)
         finally:
@@ -162,6 +167,7 @@ class JobOperator:
             handle.message, handle.failure = self.stopped_note, None
         else:
             handle.message, handle.failure = native.sentence(error), type(error)
+        log.logger.log(logging.ERROR if handle.failure else logging.INFO, handle.message)
         self.report({"ERROR" if handle.failure else "INFO"}, handle.message)
         return {"CANCELLED"}
 

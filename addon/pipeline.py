@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SceneError
+from .log import logger
 from .motion import Motion
 from .native import core
 from .policy_cache import PolicyCache
@@ -116,6 +117,7 @@ class LibraryCache:
 def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache | None = None) -> Steps[Outcome]:
     """The whole run. A policy that was optimized is kept in `policies`, and played where the prior fails."""
     seconds: dict[str, float] = {}
+    _log_request(request)
     manifold = read_manifold(request.manifold)
     with _timed(seconds, "library"):
         library, skipped = yield from library_steps(request.library, cache)
@@ -130,6 +132,14 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     if policies and synthesis.report["updates"] and synthesis.report["success"]:
         policies.keep(scene, library, synthesis.policy)
     return Outcome(synthesis, seconds, skipped)
+
+
+def _log_request(request: Request) -> None:
+    task, library = request.task, request.library
+    logger.info("%d triangles, preset %s, seed %d", len(request.triangles), request.preset, request.seed)
+    logger.info("Library %s, starter %s; manifold %s", library.paths, library.starter, request.manifold or "that ships")
+    hands = [cue["name"] for cue in task.get("manipulations", [])]
+    logger.info("Start %s, cue %s, hands %s, overrides %s", task["start"], task["cue"], hands, request.overrides)
 
 
 def edit_steps(request: EditRequest) -> Steps[core.EditedMotion]:
