@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from types import ModuleType
+
 from . import job_operator, overlay, panels, preferences, properties
 from .operators import edit, follow, library, manifold, place_cues, policies, scene_setup, synthesize
 
@@ -13,7 +15,7 @@ MODULES = (
     *(panels, overlay),
 )
 
-_registered: list = []
+_registered: list[ModuleType] = []
 
 
 def register() -> None:

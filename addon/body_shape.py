@@ -7,15 +7,27 @@ the trunk bends softly. Metres, armature space: T-pose, facing -Y, left hand at 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 BODY, JOINT = 0, 1
 #: Corners of one loft ring.
 SEGMENTS = 20
 #: Rings that a loft gets between its first and last section.
 RINGS = 14
+
+#: Vertices (n, 3), and faces as indices of them.
+Skin: TypeAlias = tuple[np.ndarray, list[tuple[int, ...]]]
+#: A loft's section: center, half width, half depth.
+Section: TypeAlias = tuple[ArrayLike, float, float]
+#: A bone's name, or a vertex's {bone: weight}.
+Bone: TypeAlias = str | Callable[[np.ndarray], dict[str, float]]
+#: Rest places by joint.
+Places: TypeAlias = dict[str, np.ndarray]
 
 
 @dataclass
@@ -28,8 +40,8 @@ class Surface:
     #: Bone → (vertex indices, weights).
     weights: dict[str, tuple[list[int], list[float]]] = field(default_factory=dict)
 
-    def add(self, vertices: np.ndarray, faces: list[tuple[int, ...]], material: int, bone) -> None:
-        """Appends a part. `bone` is a name, or a function of a vertex that gives its {bone: weight}."""
+    def add(self, vertices: np.ndarray, faces: list[tuple[int, ...]], material: int, bone: Bone) -> None:
+        """Appends a part."""
         base = sum(len(v) for v in self.vertices)
         self.vertices.append(vertices)
         self.faces += [tuple(base + corner for corner in face) for face in faces]
@@ -59,7 +71,7 @@ def mannequin(names: list[str], positions: np.ndarray) -> Surface:
 # --- parts -----------------------------------------------------------------------------------------------------------
 
 
-def _trunk(surface: Surface, at: dict) -> None:
+def _trunk(surface: Surface, at: Places) -> None:
     hips, spine2, neck = at["Hips"], at["Spine2"], at["Neck"]
     y = spine2[1]
     # Height, half width, half depth, depth's middle; widths after the 50th percentile of adult men and women.
@@ -95,7 +107,7 @@ def _trunk(surface: Surface, at: dict) -> None:
     surface.add(*_loft(throat, (1, 0, 0), (0, 1, 0)), JOINT, "Neck")
 
 
-def _head(surface: Surface, at: dict) -> None:
+def _head(surface: Surface, at: Places) -> None:
     x, y, z = at["Head"]
     # Height over the joint, half width, half depth, depth's middle: chin, jaw, cheek, brow, crown.
     sections = [
@@ -123,7 +135,7 @@ def _head(surface: Surface, at: dict) -> None:
         surface.add(*_ball((x + sign * 0.031, y - 0.090, z + 0.068), (0.012, 0.012, 0.008)), JOINT, "Head")
 
 
-def _arm(surface: Surface, at: dict, side: str, sign: float) -> None:
+def _arm(surface: Surface, at: Places, side: str, sign: float) -> None:
     shoulder, elbow, wrist = at[f"{side}Arm"], at[f"{side}ForeArm"], at[f"{side}Hand"]
     collar = at[f"{side}Shoulder"]
     # The collar: from the breastbone's top to the shoulder, on the shoulder's own bone.
@@ -149,7 +161,7 @@ def _arm(surface: Surface, at: dict, side: str, sign: float) -> None:
     surface.add(*_ball(wrist, (0.026, 0.029, 0.023)), JOINT, f"{side}Hand")
 
 
-def _hand(surface: Surface, at: dict, side: str, sign: float) -> None:
+def _hand(surface: Surface, at: Places, side: str, sign: float) -> None:
     wrist, bone = at[f"{side}Hand"], f"{side}Hand"
     along = np.array([sign, 0.0, 0.0])
     palm = [
@@ -174,7 +186,7 @@ def _hand(surface: Surface, at: dict, side: str, sign: float) -> None:
     surface.add(*_loft(thumb, across, (0, 0, 1), rings=7, segments=10), BODY, bone)
 
 
-def _leg(surface: Surface, at: dict, side: str) -> None:
+def _leg(surface: Surface, at: Places, side: str) -> None:
     hip, knee, ankle = at[f"{side}UpLeg"], at[f"{side}Leg"], at[f"{side}Foot"]
     surface.add(*_ball(hip + np.array([0.0, 0.004, 0.0]), (0.076, 0.084, 0.078)), JOINT, f"{side}UpLeg")
     # Share of the length, half width, half depth, how far the middle lies behind the bone.
@@ -196,7 +208,7 @@ def _leg(surface: Surface, at: dict, side: str) -> None:
     surface.add(*_ball(ankle, (0.034, 0.038, 0.036)), JOINT, f"{side}Foot")
 
 
-def _foot(surface: Surface, at: dict, side: str) -> None:
+def _foot(surface: Surface, at: Places, side: str) -> None:
     ankle, toe = at[f"{side}Foot"], at[f"{side}Toe"]
     x, sole = ankle[0], 0.0
     # Along the foot from the heel: y, half width, top's height over the sole.
@@ -222,13 +234,13 @@ def _foot(surface: Surface, at: dict, side: str) -> None:
 # --- shapes ----------------------------------------------------------------------------------------------------------
 
 
-def _shoe(x: float, sole: float, sections: list[tuple[float, float, float]]):
+def _shoe(x: float, sole: float, sections: list[tuple[float, float, float]]) -> Skin:
     """A loft along -Y that stands flat on the sole."""
     rings = [((x, y, sole + top / 2), half, top / 2) for y, half, top in sections]
     return _loft(rings, (1, 0, 0), (0, 0, 1), rings=12, power=3.2, cap=0.35)
 
 
-def _limb(start: np.ndarray, end: np.ndarray, sections: list[tuple[float, ...]], drop: float = 0.0):
+def _limb(start: np.ndarray, end: np.ndarray, sections: Sequence[tuple[float, ...]], drop: float = 0.0) -> Skin:
     """A loft from joint to joint: (share of the length, half width, half depth[, how far behind the bone])."""
     along = end - start
     vertical = abs(along[2]) > abs(along[0])
@@ -241,14 +253,21 @@ def _limb(start: np.ndarray, end: np.ndarray, sections: list[tuple[float, ...]],
 
 
 def _loft(
-    sections, across, back, *, rings: int = RINGS, segments: int = SEGMENTS, power: float = 2.0, cap: float = 0.5
-):
-    """A smooth skin through sections (center, half width along `across`, half depth along `back`), ends rounded.
+    sections: Sequence[Section],
+    across: ArrayLike,
+    back: ArrayLike,
+    *,
+    rings: int = RINGS,
+    segments: int = SEGMENTS,
+    power: float = 2.0,
+    cap: float = 0.5,
+) -> Skin:
+    """A smooth skin through sections (half width along `across`, half depth along `back`), ends rounded.
 
     `power` 2 gives ellipses, more gives rounder boxes; `cap` is an end's height over the section's smaller half.
     """
     across, back = np.asarray(across, float), np.asarray(back, float)
-    table = np.array([[*center, width, depth] for center, width, depth in sections], dtype=float)
+    table = np.array([[*np.asarray(center), width, depth] for center, width, depth in sections], dtype=float)
     knots = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(table[:, :3], axis=0), axis=1))])
     rows = _through(knots, table, np.linspace(0.0, knots[-1], rings))
     rows = np.concatenate([_cap(rows[0], rows[1], cap)[::-1], rows, _cap(rows[-1], rows[-2], cap)])
@@ -264,7 +283,7 @@ def _loft(
     ).reshape(-1, 3)
     first, last = len(vertices), len(vertices) + 1
     vertices = np.concatenate([vertices, rows[:1, :3], rows[-1:, :3]])
-    faces = []
+    faces: list[tuple[int, ...]] = []
     for ring in range(len(body) - 1):
         for k in range(segments):
             a, b = ring * segments + k, ring * segments + (k + 1) % segments
@@ -291,14 +310,14 @@ def _cap(end: np.ndarray, inner: np.ndarray, cap: float, steps: int = 4) -> np.n
     return np.array(rows)
 
 
-def _ball(center, radii, segments: int = 16, rings: int = 10):
+def _ball(center: ArrayLike, radii: ArrayLike, segments: int = 16, rings: int = 10) -> Skin:
     center, radii = np.asarray(center, float), np.asarray(radii, float)
     heights = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)[1:-1]
     turn = np.linspace(0.0, 2.0 * np.pi, segments, endpoint=False)
     shell = [(np.cos(h) * np.cos(t), np.cos(h) * np.sin(t), np.sin(h)) for h in heights for t in turn]
     vertices = center + np.array([*shell, (0, 0, -1), (0, 0, 1)]) * radii
     bottom, top, rows = len(shell), len(shell) + 1, len(heights)
-    faces = []
+    faces: list[tuple[int, ...]] = []
     for ring in range(rows - 1):
         for k in range(segments):
             a, b = ring * segments + k, ring * segments + (k + 1) % segments
@@ -324,12 +343,13 @@ def _through(knots: np.ndarray, table: np.ndarray, where: np.ndarray) -> np.ndar
     index = np.clip(np.searchsorted(knots, where, side="right") - 1, 0, len(step) - 1)
     h = step[index][:, None]
     t = ((where - knots[index]) / step[index])[:, None]
-    return (
+    between: np.ndarray = (
         (2 * t**3 - 3 * t**2 + 1) * table[index]
         + (t**3 - 2 * t**2 + t) * h * tangent[index]
         + (-2 * t**3 + 3 * t**2) * table[index + 1]
         + (t**3 - t**2) * h * tangent[index + 1]
     )
+    return between
 
 
 def _blend(height: float, chain: list[str], heights: list[float]) -> dict[str, float]:

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import bpy
 
-from . import native
-from .bridge import session
+from . import log, native
+from .bridge import compat, session
 from .bridge.policies import policy_cache
 from .errors import SceneError
 from .files import check_writable
@@ -38,6 +38,8 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--preset", help="settings of the optimization (default: the scene's)")
     made.add_argument("--overrides", help="settings that depart from the preset, as a JSON object")
     made.add_argument("--start-frame", type=int, help="frame of the first key")
+    made.add_argument("--log", type=Path, help="what Oncue does goes to this file, to be sent along with a question")
+    made.add_argument("--verbose", action="store_true", help="the same on stderr")
     made.add_argument("--scene-scale", type=float, help="metres per scene unit; 0.01 for centimetres")
     return made
 
@@ -51,10 +53,15 @@ def main(arguments: list[str]) -> int:
             check_writable(options.report)
             report = options.report
         check_writable(options.out)
+        if options.log:
+            check_writable(options.log)
+        begin_log(options, arguments)
         if options.blend:
             open_file(options.blend)
-        return synthesize(options)
+        with log.bugs():
+            return synthesize(options)
     except native.expected_errors() as error:
+        log.logger.error(native.sentence(error))
         print(f"Oncue: {native.sentence(error)}", file=sys.stderr, flush=True)
         if report:
             write_failure(options, native.sentence(error))
@@ -62,6 +69,16 @@ def main(arguments: list[str]) -> int:
     except KeyboardInterrupt:
         print("Oncue: Cancelled.", file=sys.stderr, flush=True)
         return FAILED
+    finally:
+        log.log_file.close()
+
+
+def begin_log(options: argparse.Namespace, arguments: list[str]) -> None:
+    if options.verbose:
+        log.to_stderr()
+    if options.log:
+        log.log_file.open(str(options.log), blender=compat.BLENDER_VERSION, append=False)
+    log.logger.info("Arguments: %s", " ".join(arguments))
 
 
 def synthesize(options: argparse.Namespace) -> int:
@@ -78,6 +95,7 @@ def synthesize(options: argparse.Namespace) -> int:
     if options.report:
         write_json(options.report, report)
     for problem in session.problems_of(report):
+        log.logger.warning(problem)
         print(f"Oncue: {problem}", flush=True)
     for cue in report.get("cues", []):
         print(f"Oncue: {cue['cue']}: pelvis {cue['pelvis_cm']:.1f} cm, facing {cue['facing_degrees']:.1f}°", flush=True)

@@ -6,5 +6,9 @@ class SceneError(Exception):
     """Something in the scene, the cues or the chosen files keeps the run from starting."""
 
 
+class ScaleError(SceneError):
+    """The scene's size says that it was not modelled in metres: another scene scale is the remedy."""
+
+
 class FollowingEnded(Exception):
     """The cues cannot be followed any further; the message says why."""

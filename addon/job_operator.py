@@ -9,10 +9,12 @@ that.
 
 from __future__ import annotations
 
+import logging
+
 import bpy
 from bpy.app.handlers import persistent
 
-from . import native
+from . import log, native
 from .pipeline import Run, Steps, run_blocking
 
 #: Seconds between two looks at the work.
@@ -30,8 +32,8 @@ class JobHandle:
         self.title = ""
         #: Why the last run was stopped or failed, for the panel; empty after a success.
         self.message = ""
-        #: Whether that is a failure; a run that somebody stopped did not fail.
-        self.failed = False
+        #: The kind of error that it failed with; None where it did not fail, or was stopped.
+        self.failure: type[BaseException] | None = None
         #: What is said where the artist stops the task.
         self.stopped_note = CANCELLED
         self._timer, self._window_manager = None, None
@@ -39,10 +41,15 @@ class JobHandle:
         self._leaving: list[Run] = []
 
     def start(self, context: bpy.types.Context, title: str, run: Run, stopped_note: str = CANCELLED) -> None:
-        self.run, self.title, self.message, self.failed = run, title, "", False
+        self.run, self.title = run, title
+        self.forget()
         self.stopped_note = stopped_note
         self._window_manager = context.window_manager
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
+
+    def forget(self) -> None:
+        """Nothing is said of the last run any more."""
+        self.message, self.failure = "", None
 
     def end(self) -> None:
         """Lets the task go; a timer of its own is removed."""
@@ -55,7 +62,7 @@ class JobHandle:
         """Cancels the task and lets it go at once; its threads stop by themselves."""
         if self.run is None:
             return
-        self.message, self.failed = why, False
+        self.message, self.failure = why, None
         self.run.cancel()
         self._leaving = [run for run in (*self._leaving, self.run) if not run.poll()]
         self.end()
@@ -78,7 +85,7 @@ class JobOperator:
     #: What is said where the artist stops it.
     stopped_note = CANCELLED
 
-    def begin(self, context: bpy.types.Context) -> Steps:
+    def begin(self, context: bpy.types.Context) -> Steps[object]:
         """Reads the file and gives the steps of the task. Raises one of `native.expected_errors()`."""
         raise NotImplementedError
 
@@ -96,10 +103,11 @@ class JobOperator:
     def execute(self, context: bpy.types.Context) -> set[str]:
         """The blocking way: to the end in one go."""
         try:
-            self.finish(context, run_blocking(self.begin(context)))
+            with log.bugs():
+                self.finish(context, run_blocking(self.begin(context)))
         except native.expected_errors() as error:
             return self._refused(error)
-        handle.message = ""
+        handle.forget()
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -109,7 +117,8 @@ class JobOperator:
             self.report({"WARNING"}, "Oncue is already at work.")
             return {"CANCELLED"}
         try:
-            run = Run(self.begin(context))
+            with log.bugs():
+                run = Run(self.begin(context))
             run.poll()
         except native.expected_errors() as error:
             return self._refused(error)
@@ -141,11 +150,12 @@ class JobOperator:
     def _end(self, context: bpy.types.Context, run: Run) -> set[str]:
         handle.end()
         try:
-            value = run.result()
-            if context.scene.name != self._scene:
-                self.report({"ERROR"}, f"The result belongs to the scene {self._scene}: show it and run again.")
-                return {"CANCELLED"}
-            self.finish(context, value)
+            with log.bugs():
+                value = run.result()
+                if context.scene.name != self._scene:
+                    self.report({"ERROR"}, f"The result belongs to the scene {self._scene}: show it and run again.")
+                    return {"CANCELLED"}
+                self.finish(context, value)
         except native.expected_errors() as error:
             return self._refused(error)
         finally:
@@ -153,9 +163,12 @@ class JobOperator:
         return {"FINISHED"}
 
     def _refused(self, error: BaseException) -> set[str]:
-        handle.failed = not native.is_cancelled(error)
-        handle.message = native.sentence(error) if handle.failed else self.stopped_note
-        self.report({"ERROR" if handle.failed else "INFO"}, handle.message)
+        if native.is_cancelled(error):
+            handle.message, handle.failure = self.stopped_note, None
+        else:
+            handle.message, handle.failure = native.sentence(error), type(error)
+        log.logger.log(logging.ERROR if handle.failure else logging.INFO, handle.message)
+        self.report({"ERROR" if handle.failure else "INFO"}, handle.message)
         return {"CANCELLED"}
 
 

@@ -16,15 +16,28 @@ from typing import Protocol
 import numpy as np
 
 from . import native
-from .pipeline import LibraryCache, Outcome, Request, Run, Steps, finish, library_steps, merged, read_manifold
+from .native import core
+from .pipeline import (
+    LibraryCache,
+    Outcome,
+    Request,
+    Run,
+    SkippedFiles,
+    Steps,
+    T,
+    finish,
+    library_steps,
+    merged,
+    read_manifold,
+)
 from .policy_cache import PolicyCache
 
 #: Seconds without a change after which things are taken to rest.
 REST = 0.5
 #: While a cue moves: the best of a few rollouts. The editor stays as it is: it takes a third of their time.
-MOVING = {"kept": {"rollouts": 16, "rounds": 0, "more_rounds": 0}, "ppo": {"updates": 0}}
+MOVING: core.Settings = {"kept": {"rollouts": 16, "rounds": 0, "more_rounds": 0}, "ppo": {"updates": 0}}
 #: At rest: what Synthesize gives where it need not optimize, but no long search where it would.
-AT_REST = {"kept": {"more_rounds": 0}, "ppo": {"updates": 0}}
+AT_REST: core.Settings = {"kept": {"more_rounds": 0}, "ppo": {"updates": 0}}
 
 NO_POLICY = "There is no policy to play in this scene yet: press Synthesize once."
 MISSED = "Not met here: press Synthesize."
@@ -51,28 +64,28 @@ class World:
     """What stays in memory: the scene as it was read and indexed, the library, and the policy kept for both."""
 
     request: Request
-    library: object
-    skipped_files: list[tuple[str, str]]
-    scene: object
-    kept: object
+    library: core.Library
+    skipped_files: SkippedFiles
+    scene: core.SceneIndex
+    kept: core.Policy | None
     #: What seat and hands are fitted along; None for the one that ships.
-    manifold: object = None
+    manifold: core.Manifold | None = None
 
 
-def world_steps(request: Request, cache: LibraryCache, policies: PolicyCache, before: World | None) -> Steps:
+def world_steps(request: Request, cache: LibraryCache, policies: PolicyCache, before: World | None) -> Steps[World]:
     """The world of a request; the scene of the one before is taken over where its triangles are the same."""
     manifold = read_manifold(request.manifold)
     library, skipped = yield from library_steps(request.library, cache)
     if before is not None and _same_scene(request, before.request):
         scene = before.scene
     else:
-        scene = yield from finish(native.require().index_scene(request.positions, request.triangles))
+        scene = yield from finish(core.index_scene(request.positions, request.triangles))
     return World(request, library, skipped, scene, policies.find(scene, library), manifold)
 
 
-def play_steps(world: World, request: Request, overrides: dict) -> Steps:
+def play_steps(world: World, request: Request, overrides: core.Settings) -> Steps[Outcome]:
     """The motion of the policy that is there; `overrides` come after the request's own."""
-    core, began = native.require(), time.perf_counter()
+    began = time.perf_counter()
     settings = merged(merged(core.default_settings(request.preset), request.overrides), overrides)
     synthesis = yield from finish(
         core.synthesize(world.scene, world.library, request.task, settings, request.seed, world.kept, world.manifold)
@@ -95,15 +108,17 @@ class Follower:
         #: When the cues changed first, of the changes that no run has taken up; None without any.
         self._cues_since: float | None = None
         #: When the cues and the meshes changed last; the meshes' is None once they were read.
-        self._cues_at, self._meshes_at = clock(), -np.inf
+        self._cues_at = clock()
+        self._meshes_at: float | None = -np.inf
         #: The request played last, and whether a run at rest is still to come for it.
         self._played: Request | None = None
         self._unrested = False
-        self._run: Run | None = None
-        self._done: Callable[[object], None] = lambda _value: None
+        self._run: Run[object] | None = None
+        #: Does with the run's value what it was begun for; raises what the run raised.
+        self._finish: Callable[[], None] = lambda: None
         self._run_at_rest = False
         #: Cancelled runs whose threads may still be at work.
-        self._leaving: list[Run] = []
+        self._leaving: list[Run[object]] = []
         #: What the artist should know, empty while all is well; whether the motion shown is the one at rest.
         self.line, self.rested = "", False
         #: Seconds from a cue's move to the written motion, the last time.
@@ -130,7 +145,7 @@ class Follower:
             try:
                 self._played = self._host.read_task(self._world.request)
             except native.expected_errors() as error:
-                self.line = str(error)
+                self.line = native.sentence(error)
 
     # --- the work -----------------------------------------------------------------------------------------------------
 
@@ -169,10 +184,10 @@ class Follower:
             elif self._world is None:
                 return
             elif self._cues_since is not None:
-                self._play_moved(self._cues_since)
-            elif self._unrested and now - self._cues_at >= REST:
+                self._play_moved(self._world, self._cues_since)
+            elif self._unrested and self._played is not None and now - self._cues_at >= REST:
                 self._unrested = False
-                self._play(self._played, AT_REST, None)
+                self._play(self._world, self._played, AT_REST, None)
         except native.expected_errors() as error:
             self._refused(error)
 
@@ -184,14 +199,14 @@ class Follower:
             self._played = None
             self.cues_changed()
 
-    def _play_moved(self, since: float) -> None:
+    def _play_moved(self, world: World, since: float) -> None:
         self._cues_since = None
-        request = self._host.read_task(self._world.request)
+        request = self._host.read_task(world.request)
         if self._played is None or _asked(request) != _asked(self._played):
             self._played, self.rested = request, False
-            self._play(request, MOVING, since)
+            self._play(world, request, MOVING, since)
 
-    def _play(self, request: Request, overrides: dict, since: float | None) -> None:
+    def _play(self, world: World, request: Request, overrides: core.Settings, since: float | None) -> None:
         """`since`: when the cue moved; None for the run at rest."""
 
         def done(outcome: Outcome) -> None:
@@ -207,16 +222,17 @@ class Follower:
             # Of a few rollouts none may meet the cue where one of many does.
             self.line = " ".join([MISSED, *report["problems"][:1]]) if at_rest and not report["success"] else ""
 
-        self._start(play_steps(self._world, request, overrides), done, at_rest=since is None)
+        self._start(play_steps(world, request, overrides), done, at_rest=since is None)
 
-    def _start(self, steps: Steps, done: Callable, at_rest: bool = False) -> None:
-        self._run, self._done, self._run_at_rest = Run(steps), done, at_rest
-        self._run.poll()
+    def _start(self, steps: Steps[T], done: Callable[[T], None], at_rest: bool = False) -> None:
+        run = Run(steps)
+        self._run, self._finish, self._run_at_rest = run, lambda: done(run.result()), at_rest
+        run.poll()
 
     def _end(self) -> None:
-        run, self._run = self._run, None
+        self._run = None
         try:
-            self._done(run.result())
+            self._finish()
         except native.expected_errors() as error:
             self._refused(error)
 
@@ -232,6 +248,6 @@ class Follower:
         self._run = None
 
 
-def _asked(request: Request) -> tuple:
+def _asked(request: Request) -> tuple[core.Task, str, int, core.Settings]:
     """All of a request but the scene and the library."""
     return request.task, request.preset, request.seed, request.overrides

@@ -3,27 +3,38 @@
 
 from __future__ import annotations
 
-try:
-    import oncue_core as core
-except ImportError as error:  # the extension still loads, and says what is missing
-    core = None
-    MISSING = f"Oncue's core could not be loaded ({error}): install the extension's archive for this platform."
-else:
-    MISSING = ""
+from typing import NoReturn
 
 from .errors import SceneError
 
+__all__ = ["MISSING", "check_loaded", "core", "expected_errors", "is_cancelled", "preset_names", "sentence"]
 
-def require():
-    """The module `oncue_core`. Raises SceneError where it could not be loaded."""
-    if core is None:
+
+class _Missing:
+    """Stands where the core could not be loaded: whatever is asked of it, it says so."""
+
+    def __getattr__(self, _name: str) -> NoReturn:
         raise SceneError(MISSING)
-    return core
+
+
+#: Why the core could not be loaded; empty where it was.
+MISSING = ""
+try:
+    import oncue_core as core
+except ImportError as error:  # the extension still loads, and says what is missing
+    MISSING = f"Oncue's core could not be loaded ({error}): install the extension's archive for this platform."
+    core = _Missing()  # type: ignore[assignment]  # no module, but nothing of the module's is ever got from it
+
+
+def check_loaded() -> None:
+    """Raises SceneError where the core could not be loaded, before anything else is asked or read."""
+    if MISSING:
+        raise SceneError(MISSING)
 
 
 def expected_errors() -> tuple[type[BaseException], ...]:
     """What a run may raise that is no bug: its text is a sentence for the artist."""
-    return (SceneError, OSError, core.OncueError) if core else (SceneError, OSError)
+    return (SceneError, OSError) if MISSING else (SceneError, OSError, core.OncueError)
 
 
 def sentence(error: BaseException) -> str:
@@ -34,8 +45,8 @@ def sentence(error: BaseException) -> str:
 
 
 def is_cancelled(error: BaseException) -> bool:
-    return core is not None and isinstance(error, core.Cancelled)
+    return not MISSING and isinstance(error, core.Cancelled)
 
 
 def preset_names() -> list[str]:
-    return list(core.presets()) if core else ["default"]
+    return ["default"] if MISSING else core.presets()

@@ -13,6 +13,7 @@ from .bridge.cue_objects import KINDS
 from .bridge.cue_reader import ENDS, HANDS, visible_cues
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
 from .bridge.pins import read_pins
+from .errors import ScaleError
 from .job_operator import handle
 from .operators.follow import following
 
@@ -122,8 +123,8 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
         row.operator("oncue.synthesize", icon="ARMATURE_DATA")
         _draw_following(context, layout)
         if handle.message:
-            write_lines(context, layout.box(), handle.message, "ERROR" if handle.failed else "INFO")
-            if "Set Scene Scale" in handle.message:
+            write_lines(context, layout.box(), handle.message, "ERROR" if handle.failure else "INFO")
+            if handle.failure is ScaleError:
                 row = layout.row(align=True)
                 for label, scale in (("Centimetres", 0.01), ("Millimetres", 0.001), ("Metres", 1.0)):
                     row.operator("oncue.set_scene_scale", text=label).scale = scale

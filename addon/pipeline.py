@@ -11,12 +11,15 @@ import time
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from . import native
 from .errors import SceneError
+from .log import logger
 from .motion import Motion
+from .native import core
 from .policy_cache import PolicyCache
 
 #: Ending of a library file that Oncue wrote.
@@ -26,7 +29,13 @@ MANIFOLD_SUFFIX, CHECKPOINT_SUFFIX = ".oncueman", ".oncueckp"
 #: Every training from the panel has the same seed: a checkpoint goes on only with its own.
 MANIFOLD_SEED = 0
 
-Steps = Generator[object, None, object]
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+
+#: Yields the jobs of the core that it waits for, and gives a `T` at its end.
+Steps: TypeAlias = Generator["core.Job[object]", None, T]
+#: (file, reason) of each motion capture file that was left out.
+SkippedFiles: TypeAlias = list[tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -43,14 +52,14 @@ class Request:
     """All that a run needs, read from the file before it starts."""
 
     #: Scene triangles, world, metres: float32 (n, 3) and uint32 (m, 3).
-    positions: np.ndarray
-    triangles: np.ndarray
-    task: dict
+    positions: NDArray[np.float32]
+    triangles: NDArray[np.uint32]
+    task: core.Task
     library: LibraryChoice = LibraryChoice()
     preset: str = "default"
     seed: int = 0
     #: Settings that depart from the preset, nested as the preset's.
-    overrides: dict = field(default_factory=dict)
+    overrides: core.Settings = field(default_factory=dict)
     #: File of the manifold that seat and hands are fitted along; empty for the one that ships.
     manifold: str = ""
 
@@ -61,18 +70,17 @@ class EditRequest:
 
     motion: Motion
     #: Left and right foot, (frames, 2).
-    contacts: np.ndarray
-    #: {"joint", "frame"}: what stays exactly as it is in the motion.
-    keys: list[dict]
-    #: {"name", "joint", "first_frame", "positions", "rotations"}, world, metres.
-    constraints: list[dict]
+    contacts: NDArray[np.float32]
+    #: What stays exactly as it is in the motion.
+    keys: list[core.Key]
+    constraints: list[core.Constraint]
     #: World height of the floor, metres.
     floor: float
     #: Scene triangles as a `Request` has them, which a seated body is kept out of; None where there are none.
-    positions: np.ndarray | None = None
-    triangles: np.ndarray | None = None
+    positions: NDArray[np.float32] | None = None
+    triangles: NDArray[np.uint32] | None = None
     preset: str = "default"
-    overrides: dict = field(default_factory=dict)
+    overrides: core.Settings = field(default_factory=dict)
     manifold: str = ""
 
 
@@ -80,29 +88,36 @@ class EditRequest:
 class Outcome:
     """What a run gives: the core's synthesis, and what the artist should know about its input."""
 
-    synthesis: object
+    synthesis: core.Synthesis
     #: Seconds of each step.
     seconds: dict[str, float]
-    #: (mocap file, reason) of each file that was left out.
-    skipped_files: list[tuple[str, str]] = field(default_factory=list)
+    skipped_files: SkippedFiles = field(default_factory=list)
+
+
+#: (path, time of the last change in ns, bytes) of each file of a library.
+FileStates: TypeAlias = tuple[tuple[str, int, int], ...]
+LibraryKey: TypeAlias = tuple[LibraryChoice, FileStates]
+BuiltLibrary: TypeAlias = tuple["core.Library", SkippedFiles]
 
 
 class LibraryCache:
     """The library built last, kept until its files change."""
 
     def __init__(self) -> None:
-        self._key, self._built = None, None
+        self._key: LibraryKey | None = None
+        self._built: BuiltLibrary | None = None
 
-    def get(self, key):
+    def get(self, key: LibraryKey) -> BuiltLibrary | None:
         return self._built if key == self._key else None
 
-    def put(self, key, built) -> None:
+    def put(self, key: LibraryKey, built: BuiltLibrary) -> None:
         self._key, self._built = key, built
 
 
-def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache | None = None) -> Steps:
+def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache | None = None) -> Steps[Outcome]:
     """The whole run. A policy that was optimized is kept in `policies`, and played where the prior fails."""
-    core, seconds = native.require(), {}
+    seconds: dict[str, float] = {}
+    _log_request(request)
     manifold = read_manifold(request.manifold)
     with _timed(seconds, "library"):
         library, skipped = yield from library_steps(request.library, cache)
@@ -119,11 +134,18 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     return Outcome(synthesis, seconds, skipped)
 
 
-def edit_steps(request: EditRequest) -> Steps:
+def _log_request(request: Request) -> None:
+    task, library = request.task, request.library
+    logger.info("%d triangles, preset %s, seed %d", len(request.triangles), request.preset, request.seed)
+    logger.info("Library %s, starter %s; manifold %s", library.paths, library.starter, request.manifold or "that ships")
+    hands = [cue["name"] for cue in task.get("manipulations", [])]
+    logger.info("Start %s, cue %s, hands %s, overrides %s", task["start"], task["cue"], hands, request.overrides)
+
+
+def edit_steps(request: EditRequest) -> Steps[core.EditedMotion]:
     """Solves an artist's edit; gives the core's edited motion."""
-    core, scene = native.require(), None
-    manifold = read_manifold(request.manifold)
-    if request.positions is not None:
+    scene, manifold = None, read_manifold(request.manifold)
+    if request.positions is not None and request.triangles is not None:
         scene = yield from finish(core.index_scene(request.positions, request.triangles))
     settings = merged(core.default_settings(request.preset), request.overrides)
     edited = yield from finish(
@@ -142,21 +164,20 @@ def edit_steps(request: EditRequest) -> Steps:
     return edited
 
 
-def read_manifold(path: str):
+def read_manifold(path: str) -> core.Manifold | None:
     """The manifold of a file, or None for the one that ships. Raises what `native.expected_errors` names."""
     if not path:
         return None
     if not Path(path).is_file():
         raise SceneError(f"The motion manifold {path} is not there any more: choose another file, or leave it empty.")
-    return native.require().Manifold.read(path)
+    return core.Manifold.read(path)
 
 
-def manifold_steps(choice: LibraryChoice, cache: LibraryCache, passes: int, path: str) -> Steps:
+def manifold_steps(choice: LibraryChoice, cache: LibraryCache, passes: int, path: str) -> Steps[core.Manifold]:
     """Trains a manifold on the library of a choice and writes it to `path`; gives it.
 
     After each pass the training is kept beside it, so that a cancelled one goes on where it was.
     """
-    core = native.require()
     if not choice.paths:
         raise SceneError(
             "Add your own motion capture to the library first: the manifold that ships knows the starter library."
@@ -174,7 +195,7 @@ def checkpoint_of(path: str) -> Path:
     return Path(path).with_suffix(CHECKPOINT_SUFFIX)
 
 
-def merged(settings: dict, overrides: dict, where: str = "") -> dict:
+def merged(settings: core.Settings, overrides: core.Settings, where: str = "") -> core.Settings:
     """The settings with what `overrides` names replaced. Raises SceneError for a name that there is not."""
     out = dict(settings)
     for name, value in overrides.items():
@@ -185,15 +206,15 @@ def merged(settings: dict, overrides: dict, where: str = "") -> dict:
     return out
 
 
-def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps:
+def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps[BuiltLibrary]:
     """The motion library of a choice, and the files that were left out of it."""
-    core = native.require()
     key = (choice, _state_of_files(choice.paths))
     built = cache.get(key)
     if built is None:
         finished = [path for path in choice.paths if _is_library_file(path)]
         mocap = [path for path in choice.paths if path not in finished]
-        library, skipped = None, []
+        library: core.Library | None = None
+        skipped: SkippedFiles = []
         if mocap or not finished or choice.starter == "all":
             if not choice.paths and choice.starter == "none":
                 raise SceneError("The motion library is empty: add mocap files, or let the starter library in.")
@@ -202,12 +223,13 @@ def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps:
         for path in finished:
             read = core.Library.read(path)
             library = read if library is None else library.merged(read)
-        built = (library, list(skipped))
+        assert library is not None  # read or built: there are files of the one kind or the other
+        built = (library, skipped)
         cache.put(key, built)
     return built
 
 
-def finish(job) -> Steps:
+def finish(job: core.Job[T]) -> Steps[T]:
     """The result of a job of the core, once it is done."""
     while not job.done():
         yield job
@@ -218,7 +240,7 @@ def _is_library_file(path: str) -> bool:
     return Path(path).is_file() and Path(path).suffix.lower() != ".bvh"
 
 
-def _state_of_files(paths: tuple[str, ...]) -> tuple:
+def _state_of_files(paths: tuple[str, ...]) -> FileStates:
     """Changes when a file of the library changes. Raises SceneError for a path that is gone."""
     state = []
     for path in map(Path, paths):
@@ -240,7 +262,7 @@ class _timed:
     def __enter__(self) -> None:
         self._began = time.perf_counter()
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         self._seconds[self._name] = time.perf_counter() - self._began
 
 
@@ -262,12 +284,16 @@ class Progress:
     remaining_s: float | None = None
 
 
-class Run:
+class Run(Generic[T_co]):
     """Drives steps to their end. Cancel is a request that stays until the work has really stopped."""
 
-    def __init__(self, steps: Steps) -> None:
-        self._steps, self._job = steps, None
-        self._value, self._error = None, None
+    def __init__(self, steps: Steps[T_co]) -> None:
+        self._steps = steps
+        #: What the steps stand at.
+        self._job: core.Job[object] | None = None
+        #: What they gave, once they have.
+        self._given: tuple[T_co] | None = None
+        self._error: Exception | None = None
         self._finished, self._cancelled = False, False
         self._began = self._stage_began = time.perf_counter()
         self._stage = ""
@@ -288,7 +314,7 @@ class Run:
             try:
                 self._job = next(self._steps)
             except StopIteration as stop:
-                self._value, self._finished = stop.value, True
+                self._given, self._finished = (stop.value,), True
             except Exception as error:  # kept for result(), which raises it where it is shown
                 self._error, self._finished = error, True
         return True
@@ -300,6 +326,7 @@ class Run:
             left = deadline - time.perf_counter()
             if left <= 0.0:
                 return False
+            assert self._job is not None  # what poll waits for
             self._job.wait(min(left, 0.1))
         return True
 
@@ -312,13 +339,18 @@ class Run:
     def cancelled(self) -> bool:
         return self._cancelled
 
-    def result(self):
-        """The steps' value. Raises what they raised; Cancelled when a cancel was asked for, even too late."""
+    def result(self) -> T_co:
+        """The steps' value. Raises what they raised; Cancelled when a cancel was asked for, even too late.
+
+        RuntimeError before the end.
+        """
         if self._error is not None:
             raise self._error
         if self._cancelled:
-            raise native.require().Cancelled("Cancelled.")
-        return self._value
+            raise core.Cancelled("Cancelled.")
+        if self._given is None:
+            raise RuntimeError("The run has not finished yet.")
+        return self._given[0]
 
     def progress(self) -> Progress:
         now = time.perf_counter()
@@ -340,7 +372,7 @@ class Run:
         )
 
 
-def run_blocking(steps: Steps, watch: Callable[[Progress], None] | None = None, every_s: float = 0.25):
+def run_blocking(steps: Steps[T], watch: Callable[[Progress], None] | None = None, every_s: float = 0.25) -> T:
     """Runs the steps to their end, showing the progress to `watch` now and then; gives or raises what they do."""
     run = Run(steps)
     try:

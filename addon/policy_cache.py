@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from . import native
+from .native import core
 
 SUFFIX = ".oncuepolicy"
 
@@ -23,7 +24,7 @@ class Entry:
     path: Path
     bytes: int
     #: What it was optimized for; None for a file that cannot be read.
-    origin: dict | None
+    origin: core.PolicyOrigin | None
 
     def describe(self) -> str:
         """In a line what it serves."""
@@ -41,11 +42,11 @@ class PolicyCache:
     def __init__(self, folder: Path, limit_bytes: int) -> None:
         self._folder, self._limit = folder, limit_bytes
 
-    def find(self, scene, library):
+    def find(self, scene: core.SceneIndex, library: core.Library) -> core.Policy | None:
         """The policy of this scene and library, or None."""
         path = self._path(scene, library)
         try:
-            policy = native.require().Policy.read(path)
+            policy = core.Policy.read(path)
             path.touch()
         except FileNotFoundError:
             return None
@@ -54,7 +55,7 @@ class PolicyCache:
             return None
         return policy if policy.belongs_to(scene, library.checksum) else None
 
-    def keep(self, scene, library, policy) -> bool:
+    def keep(self, scene: core.SceneIndex, library: core.Library, policy: core.Policy) -> bool:
         """Keeps it in place of an earlier one; whether it could."""
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -75,7 +76,7 @@ class PolicyCache:
             path.unlink(missing_ok=True)
         return len(files)
 
-    def _path(self, scene, library) -> Path:
+    def _path(self, scene: core.SceneIndex, library: core.Library) -> Path:
         name = hashlib.sha256(f"{scene.fingerprint} {library.checksum}".encode()).hexdigest()[:24]
         return self._folder / f"{name}{SUFFIX}"
 
@@ -98,8 +99,8 @@ class PolicyCache:
             path.unlink(missing_ok=True)
 
 
-def _origin(path: Path) -> dict | None:
+def _origin(path: Path) -> core.PolicyOrigin | None:
     try:
-        return native.require().Policy.read(path).origin
+        return core.Policy.read(path).origin
     except native.expected_errors():
         return None

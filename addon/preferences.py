@@ -6,7 +6,12 @@ from __future__ import annotations
 import bpy
 from bpy.props import FloatVectorProperty, IntProperty, StringProperty
 
-from . import native
+from . import log, native
+from .bridge.compat import BLENDER_VERSION
+
+
+def _keep_log(chosen: OncuePreferences, _context) -> None:
+    log.log_file.open(bpy.path.abspath(chosen.log_file), blender=BLENDER_VERSION)
 
 
 class OncuePreferences(bpy.types.AddonPreferences):
@@ -37,6 +42,14 @@ class OncuePreferences(bpy.types.AddonPreferences):
         subtype="NONE",
     )
 
+    log_file: StringProperty(
+        name="Log File",
+        description="Where Oncue writes what it does, to be sent along with a question; empty for nowhere",
+        subtype="FILE_PATH",
+        default="",
+        update=_keep_log,
+    )
+
     def draw(self, context) -> None:
         from .bridge.policies import policy_cache  # the bridge asks for the preferences itself
 
@@ -45,6 +58,9 @@ class OncuePreferences(bpy.types.AddonPreferences):
         layout.prop(self, "mocap_folder")
         layout.prop(self, "ghost_color")
         layout.prop(self, "policy_limit")
+        layout.prop(self, "log_file")
+        if log.log_file.fault:
+            layout.label(text=log.log_file.fault, icon="ERROR")
         entries = policy_cache(context).entries()
         for entry in entries:
             row = layout.row()
@@ -63,4 +79,13 @@ def get(context: bpy.types.Context) -> OncuePreferences | None:
     return entry.preferences if entry else None
 
 
-register, unregister = bpy.utils.register_classes_factory((OncuePreferences,))
+def register() -> None:
+    bpy.utils.register_class(OncuePreferences)
+    chosen = get(bpy.context)
+    if chosen and chosen.log_file:
+        _keep_log(chosen, bpy.context)
+
+
+def unregister() -> None:
+    log.log_file.close()
+    bpy.utils.unregister_class(OncuePreferences)

@@ -35,7 +35,8 @@ def slerp(a: np.ndarray, b: np.ndarray, part: np.ndarray) -> np.ndarray:
     weight_a = np.where(near, 1.0 - part, np.sin((1.0 - part) * angle) / safe)
     weight_b = np.where(near, part, np.sin(part * angle) / safe)
     out = weight_a[..., None] * a + weight_b[..., None] * b
-    return out / np.linalg.norm(out, axis=-1, keepdims=True)
+    unit: np.ndarray = out / np.linalg.norm(out, axis=-1, keepdims=True)
+    return unit
 
 
 def continuous(rotations: np.ndarray) -> np.ndarray:

@@ -89,7 +89,7 @@ def seat_actions() -> list[tuple[str, bpy.types.Action]]:
     context = bpy.context
     request, skipped = session.read_request(context)
     before = outcome_of(replace(request, overrides={"editor": {"fit": False}}))
-    made, task, core = before.synthesis, dict(request.task), pipeline.native.require()
+    made, task, core = before.synthesis, dict(request.task), pipeline.native.core
     yaw, (ahead, left) = float(task["cue"]["yaw"]), MOVED
     shift = np.array([np.sin(yaw) * ahead + np.cos(yaw) * left, -np.cos(yaw) * ahead + np.sin(yaw) * left, 0.0])
     cue = {**task["cue"], "position": (np.array(task["cue"]["position"]) + shift).tolist(), "yaw": yaw + TURNED}
@@ -140,7 +140,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--out", type=Path, required=True, help="the sheet")
     options = parser.parse_args(arguments)
     addon.register()
-    core = pipeline.native.require()
+    core = pipeline.native.core
     options.work.mkdir(parents=True, exist_ok=True)
     cell, pairs = options.work / "cell.png", []
     if options.kind == "openings":

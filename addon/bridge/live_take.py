@@ -64,7 +64,7 @@ class LiveTake:
             raise FollowingEnded("The character is gone.")
         if _coordinates(action) != self._keys:
             raise FollowingEnded(f"The keys of {action.name} were changed: it is a take of your own now.")
-        names = list(native.require().skeleton()["names"])
+        names = list(native.core.skeleton()["names"])
         motion = Motion(
             np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate)
         )
@@ -106,7 +106,7 @@ def _play(character: bpy.types.Object, action: bpy.types.Action) -> None:
 
 def _is_untouched(scene: bpy.types.Scene, action: bpy.types.Action) -> bool:
     try:
-        take = Take(scene, scene.oncue.character, action, native.require().skeleton())
+        take = Take(scene, scene.oncue.character, action, native.core.skeleton())
     except SceneError:
         return False
     return not take.artist_keys() and not take.pins

@@ -51,7 +51,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
 
     Without `hands` the hand cues, for which it goes through the frames, are left out.
     """
-    native.require()
+    native.check_loaded()
     settings = context.scene.oncue
     task = read_task(context, settings.scene_scale)
     manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale) if hands else []
@@ -87,7 +87,7 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
 
 def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
     """What Re-solve needs, and the take as it is before. Raises SceneError; changes nothing."""
-    core, settings = native.require(), context.scene.oncue
+    core, settings = native.core, context.scene.oncue
     action = pins.action_of(settings.character)
     take = Take(context.scene, settings.character, action, core.skeleton())
     motion, keys, constraints = take.edit()
@@ -122,7 +122,7 @@ def write_edit(context: bpy.types.Context, take: Take, edited: object) -> tuple[
     """Writes an edited motion back; the scene's frames it touched. Raises SceneError if the keys changed meanwhile."""
     settings = context.scene.oncue
     action = pins.action_of(settings.character)
-    now = Take(context.scene, settings.character, action, native.require().skeleton())
+    now = Take(context.scene, settings.character, action, native.core.skeleton())
     if action != take.action or not now.is_as(take):
         raise SceneError("The keys were changed while it was solving: press Re-solve again.")
     motion = Motion(np.asarray(edited.root_positions), np.asarray(edited.rotations), take.solved.motion.frame_rate)
@@ -148,7 +148,7 @@ def write_outcome(
     context: bpy.types.Context, request: Request, outcome: Outcome, skipped: list[tuple[str, str]]
 ) -> bpy.types.Action:
     """The character and its new action. The report goes with the action: each take keeps its own."""
-    scene, skeleton, synthesis = context.scene, native.require().skeleton(), outcome.synthesis
+    scene, skeleton, synthesis = context.scene, native.core.skeleton(), outcome.synthesis
     settings = scene.oncue
     character = armature.find_character(scene, skeleton)
     if character is None:

@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, IntProperty
 
 from ..bridge import pins, session
 from ..job_operator import JobOperator
+from ..native import core
 from ..pipeline import Steps, edit_steps
 from .button import Button
 
@@ -81,11 +82,11 @@ class ONCUE_OT_resolve(JobOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     title = "Re-solving"
 
-    def begin(self, context: bpy.types.Context) -> Steps:
+    def begin(self, context: bpy.types.Context) -> Steps[core.EditedMotion]:
         request, self._take = session.read_edit(context)
         return edit_steps(request)
 
-    def finish(self, context: bpy.types.Context, value: object) -> None:
+    def finish(self, context: bpy.types.Context, value: core.EditedMotion) -> None:
         touched = session.write_edit(context, self._take, value)
         if touched is None:
             self.report({"INFO"}, "The motion already fits: nothing has changed.")

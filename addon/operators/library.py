@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, CollectionProperty, StringProperty
 from .. import preferences
 from ..bridge import session
 from ..job_operator import JobOperator
-from ..pipeline import LIBRARY_SUFFIX, Steps, library_steps
+from ..pipeline import LIBRARY_SUFFIX, BuiltLibrary, Steps, library_steps
 from .button import Button
 from .synthesize import library_cache
 
@@ -79,10 +79,10 @@ class ONCUE_OT_save_library(JobOperator, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def begin(self, context: bpy.types.Context) -> Steps:
+    def begin(self, context: bpy.types.Context) -> Steps[BuiltLibrary]:
         return library_steps(session.library_choice(context.scene), library_cache)
 
-    def finish(self, _context: bpy.types.Context, value) -> None:
+    def finish(self, _context: bpy.types.Context, value: BuiltLibrary) -> None:
         library, skipped = value
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(LIBRARY_SUFFIX)
         library.write(str(path))

@@ -11,6 +11,7 @@ from bpy.props import StringProperty
 from ..bridge import session
 from ..files import check_writable
 from ..job_operator import JobOperator
+from ..native import core
 from ..pipeline import MANIFOLD_SUFFIX, Steps, manifold_steps
 from .synthesize import library_cache
 
@@ -36,13 +37,13 @@ class ONCUE_OT_train_manifold(JobOperator, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
-    def begin(self, context: bpy.types.Context) -> Steps:
+    def begin(self, context: bpy.types.Context) -> Steps[core.Manifold]:
         self._path = str(Path(bpy.path.abspath(self.filepath)).resolve().with_suffix(MANIFOLD_SUFFIX))
         check_writable(Path(self._path))
         choice, passes = session.library_choice(context.scene), context.scene.oncue.manifold_passes
         return manifold_steps(choice, library_cache, passes, self._path)
 
-    def finish(self, context: bpy.types.Context, value) -> None:
+    def finish(self, context: bpy.types.Context, value: core.Manifold) -> None:
         context.scene.oncue.manifold = self._path
         errors = value.figures["test"]
         line = (

@@ -21,7 +21,7 @@ class ONCUE_OT_set_scene_scale(Button, bpy.types.Operator):
 
     def act(self, context: bpy.types.Context) -> None:
         context.scene.oncue.scene_scale = self.scale
-        handle.message = ""
+        handle.forget()
 
 
 class ONCUE_OT_toggle_exclude(Button, bpy.types.Operator):

@@ -22,7 +22,7 @@ class ONCUE_OT_synthesize(JobOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     title = "Synthesizing"
 
-    def begin(self, context: bpy.types.Context) -> Steps:
+    def begin(self, context: bpy.types.Context) -> Steps[Outcome]:
         self._request, self._skipped = session.read_request(context)
         return synthesis_steps(self._request, library_cache, policy_cache(context))
 

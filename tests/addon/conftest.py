@@ -49,14 +49,14 @@ def oncue():
 @pytest.fixture
 def core(oncue):
     """The compiled core."""
-    return oncue("native").require()
+    return oncue("native").core
 
 
 @pytest.fixture(autouse=True)
 def context(oncue):
     """A fresh, empty file."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    oncue("job_operator").handle.message = ""
+    oncue("job_operator").handle.forget()
     return bpy.context
 
 

@@ -55,6 +55,35 @@ def test_the_same_keys_as_the_button(scene_file, oncue, core, tmp_path):
     assert len(pressed) == 91
 
 
+def test_the_log_tells_what_was_done(scene_file, core, tmp_path):
+    log, out = tmp_path / "logs" / "run.log", tmp_path / "out.blend"
+    log.parent.mkdir()
+    log.write_text("of another run\n")
+    given = ["--out", out, "--seed", 5, "--overrides", json.dumps(QUICK), "--log", log, "--verbose"]
+    done = batch(scene_file("stool"), *given)
+    assert done.returncode in {0, 3}, done.stderr
+    lines = log.read_text().splitlines()
+    assert all(re.match(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d\.\d{3} [A-Z]+ +\S", line) for line in lines), lines
+    said = [line[24:].split(None, 1)[1] for line in lines]
+    assert f"Blender {bpy.app.version_string}, " in said[0]
+    assert f"core {core.__version__}, " in said[0]
+    assert "--seed 5" in said[1]
+    ended = [line.split(":")[0] for line in said if re.search(r": \d+\.\d\d s$", line)]
+    assert ended.index("Indexing the scene") < ended.index("Checking the cues") < ended.index("Measuring")
+    # The same on stderr.
+    assert set(lines[1:]) <= set(done.stderr.splitlines())
+
+
+def test_a_failure_is_in_the_log(scene_file, core, tmp_path):
+    log = tmp_path / "run.log"
+    done = batch(scene_file("enclosed_seat"), "--out", tmp_path / "out.blend", "--log", log)
+    failed(done, None, "Sit")
+    sentence = done.stderr.split("Oncue: ")[1].strip()
+    last = log.read_text().splitlines()[-1]
+    assert " ERROR " in last
+    assert last.endswith(sentence)
+
+
 def failed(done, report, words):
     """One sentence, status 1, and the same sentence in the report."""
     assert done.returncode == 1, done.stdout + done.stderr

@@ -403,7 +403,7 @@ def test_the_live_take_can_be_solved_again_at_rest_and_after_the_end(drag, oncue
     with pytest.raises(errors.SceneError):
         take.solved_of(drag.live)
     drag.rest()
-    skeleton = oncue("native").require().skeleton()
+    skeleton = oncue("native").core.skeleton()
     character = bpy.context.scene.oncue.character
     assert take.Take(bpy.context.scene, character, drag.live, skeleton).artist_keys() == {}
     drag.move("Stop", x=-0.1)

@@ -1,5 +1,7 @@
 """The button, by its blocking path: the same code as in the window, without the window."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -144,12 +146,51 @@ def test_a_scene_in_centimetres_is_said_and_the_scale_offered(stool, oncue, core
             thing.scale = (100, 100, 100)
         thing.location *= 100
     stool.view_layer.update()
+    assert "oncue.set_scene_scale" not in buttons(oncue)
     refused("centimetres")
-    assert "Set Scene Scale" in oncue("job_operator").handle.message
+    assert buttons(oncue).count("oncue.set_scene_scale") == 3
     bpy.ops.oncue.set_scene_scale(scale=0.01)
+    assert oncue("job_operator").handle.failure is None
+    assert "oncue.set_scene_scale" not in buttons(oncue)
     assert bpy.ops.oncue.synthesize() == {"FINISHED"}
     character = stool.scene.oncue.character
     assert character.dimensions.z == pytest.approx(180, rel=0.2)
+
+
+def test_the_scale_is_offered_for_the_kind_of_error_and_not_for_its_words(stool, oncue, core):
+    other = bpy.data.objects["Start"].copy()
+    other.name = "Set Scene Scale"
+    stool.scene.collection.objects.link(other)
+    refused("2 Start cues.*Set Scene Scale")
+    assert "Set Scene Scale" in oncue("job_operator").handle.message
+    assert "oncue.synthesize" in buttons(oncue)
+    assert "oncue.set_scene_scale" not in buttons(oncue)
+
+
+class Layout:
+    """Stands for Blender's layout, which there is in a window only: notes the buttons."""
+
+    def __init__(self):
+        self.buttons = []
+
+    def operator(self, name, **_look):
+        self.buttons.append(name)
+        return SimpleNamespace()
+
+    def row(self, **_look):
+        return self
+
+    column = box = row
+
+    def label(self, **_look):
+        pass
+
+
+def buttons(oncue):
+    """What the panel offers beside its message, by identifier."""
+    layout = Layout()
+    oncue("panels").ONCUE_PT_synthesize.draw(SimpleNamespace(layout=layout), bpy.context)
+    return layout.buttons
 
 
 def test_five_million_triangles(stool, oncue, core):

@@ -57,7 +57,12 @@ def test_settings_survive_saving(context, tmp_path):
 
 
 def test_without_the_core_the_extension_says_what_is_missing(oncue, context, monkeypatch):
-    monkeypatch.setattr(oncue("native"), "core", None)
-    monkeypatch.setattr(oncue("native"), "MISSING", "Oncue's core could not be loaded (test).")
+    native = oncue("native")
+    monkeypatch.setattr(native, "MISSING", "Oncue's core could not be loaded (test).")
+    monkeypatch.setattr(native, "core", native._Missing())
+    with pytest.raises(oncue("errors").SceneError, match="could not be loaded"):
+        native.core.skeleton()
+    assert native.preset_names() == ["default"]
+    assert native.expected_errors() == (oncue("errors").SceneError, OSError)
     with pytest.raises(RuntimeError, match="core could not be loaded"):
         bpy.ops.oncue.synthesize()

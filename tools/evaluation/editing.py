@@ -60,7 +60,7 @@ def _seat_rows(scene, library, task, seed) -> list[Row]:
     cues = made.report["cues"]
     complete = cues[0]["frame"] if cues else len(made.root_positions) - 1
     if np.linalg.norm(made.root_positions[complete] - task["cue"]["position"]) > ARRIVED:
-        return [{"wish": WISHES[0], "problem": "The controller does not get there."}]
+        return [{"wish": WISHES[0], "problem": "The controller does not get there.", "arrived": False}]
     floor, before = float(task["start"]["position"][2]), (made.root_positions, made.rotations, made.contacts)
     rows = []
     for wish in WISHES:
@@ -241,7 +241,7 @@ def missed(rows: list[Row]) -> list[Row]:
     """Those of our edits that do not arrive: a centimetre and three degrees are allowed."""
     out = []
     for row in rows:
-        if row.get("method", "Oncue") != "Oncue" or row["problem"] == "The controller does not get there.":
+        if row.get("method", "Oncue") != "Oncue" or not row.get("arrived", True):
             continue
         centimetres = [row.get("max_cm"), row.get("pelvis_cm"), row.get("feet_cm")]
         far = any(miss is not None and miss > 1.0 for miss in centimetres) or row.get("facing_degrees", 0.0) > 3.0

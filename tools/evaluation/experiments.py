@@ -78,10 +78,12 @@ def merged(overrides: dict[str, Any], more: dict[str, Any]) -> dict[str, Any]:
 def synthesize(scene, library, task, settings, seed, policy=None) -> Row:
     """The figures of one motion; `problem` says in words why there is none, or what went wrong."""
     began = time.perf_counter()
+    # Asked alone, so that settings that are refused do not count as a task that cannot be met.
     try:
-        report = oncue_core.synthesize(scene, library, task, settings, seed, policy).result().report
+        oncue_core.check_task(scene, task)
     except oncue_core.InputError as error:
         return {"problem": str(error), "unreachable": True, "success": False}
+    report = oncue_core.synthesize(scene, library, task, settings, seed, policy).result().report
     cue = report["cues"][0] if report["cues"] else {"pelvis_cm": float("nan"), "facing_degrees": float("nan")}
     return {
         "success": report["success"],

@@ -2,7 +2,12 @@
 
 Everything long runs as a :class:`Job`. One space everywhere, Blender's: right-handed, Z up, metres,
 quaternions w first; a character at rest faces -Y, and `yaw` (radians) turns it about +Z.
+
+What is done is logged under the logger `oncue`: each stage when it begins (DEBUG) and, with its seconds, when it has
+ended (INFO), and what is left out (WARNING). Records come when a job is asked for anything; their time is the event's.
 """
+
+import logging
 
 from ._native import (
     EditedMotion,
@@ -35,29 +40,39 @@ from .types import (
     BoxNode,
     Constraint,
     ConstraintFigures,
+    EditedFigures,
     EditFigures,
+    FootFigures,
     InitialState,
     Key,
     LearningFigures,
+    ManifoldEpoch,
     ManifoldErrors,
     ManifoldFigures,
     ManipulationCue,
     ManipulationFigures,
     MotionFigures,
+    PenetrationFigures,
     Point,
     PolicyOrigin,
     ProgressSnapshot,
     Report,
+    Residual,
     Robustness,
     SearchFigures,
     SeatFigures,
     Settings,
     Skeleton,
+    Smoothness,
+    SpeedFigures,
     StartFigures,
     Summary,
     SummaryRow,
     Task,
 )
+
+# Who wants the log says so: without this Python would print the warnings.
+logging.getLogger("oncue").addHandler(logging.NullHandler())
 
 __all__ = [
     "ActionCue",
@@ -67,7 +82,9 @@ __all__ = [
     "ConstraintFigures",
     "DataFileError",
     "EditFigures",
+    "EditedFigures",
     "EditedMotion",
+    "FootFigures",
     "InitialState",
     "InputError",
     "Job",
@@ -75,23 +92,28 @@ __all__ = [
     "LearningFigures",
     "Library",
     "Manifold",
+    "ManifoldEpoch",
     "ManifoldErrors",
     "ManifoldFigures",
     "ManipulationCue",
     "ManipulationFigures",
     "MotionFigures",
     "OncueError",
+    "PenetrationFigures",
     "Point",
     "Policy",
     "PolicyOrigin",
     "ProgressSnapshot",
     "Report",
+    "Residual",
     "Robustness",
     "SceneIndex",
     "SearchFigures",
     "SeatFigures",
     "Settings",
     "Skeleton",
+    "Smoothness",
+    "SpeedFigures",
     "StartFigures",
     "Summary",
     "SummaryRow",

@@ -12,6 +12,7 @@ from .types import (
     ActionCue,
     Constraint,
     EditFigures,
+    FootFigures,
     Key,
     LearningFigures,
     ManifoldFigures,
@@ -56,10 +57,10 @@ __all__ = [
 
 __version__: str
 
-_T = TypeVar("_T")
+_T_co = TypeVar("_T_co", covariant=True)
 
 @final
-class Job(Generic[_T]):
+class Job(Generic[_T_co]):
     """Work that runs on a thread of its own. Dropping the handle cancels it."""
 
     @classmethod
@@ -70,7 +71,7 @@ class Job(Generic[_T]):
     def done(self) -> bool: ...
     def wait(self, timeout_s: float) -> bool:
         """Waits at most `timeout_s` seconds; whether the work is done. Other Python threads run meanwhile."""
-    def result(self) -> _T:
+    def result(self) -> _T_co:
         """Waits for the work, and gives its result or raises what it raised; the same each time."""
 
 @final
@@ -99,7 +100,7 @@ class Library:
     @property
     def clip_count(self) -> int:
         """Clips, mirrored copies included."""
-    def foot_figures(self) -> dict[str, float]:
+    def foot_figures(self) -> FootFigures:
         """The foot figures of the library's own walking, by the same measures as a report's `foot`."""
     def summary(self) -> Summary:
         """Seconds of each action, by where they come from."""

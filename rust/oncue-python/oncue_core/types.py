@@ -11,9 +11,6 @@ Point: TypeAlias = tuple[float, float, float]
 #: Settings by name; what is left out keeps its default.
 Settings: TypeAlias = dict[str, Any]
 
-#: The report of a run; docs/report.md describes it.
-Report: TypeAlias = dict[str, Any]
-
 
 class InitialState(TypedDict):
     """g_init: where the person stands at first. `yaw` in radians turns the rest pose, which faces -Y, about +Z."""
@@ -134,6 +131,16 @@ class Smoothness(TypedDict):
     mean_jerk: float
 
 
+class FootFigures(TypedDict):
+    """How the feet stand. `contact_cm`: the paper's foot contact; the others cm a frame but `sink_cm`, cm."""
+
+    contact_cm: float
+    skate_cm: float
+    worst_skate_cm: float
+    low_skate_cm: float
+    sink_cm: float
+
+
 class MotionFigures(TypedDict):
     """What a motion is like. `manifold_cm`: mean distance of the joints from those of Ψ⁻¹(Ψ(X)).
 
@@ -141,7 +148,7 @@ class MotionFigures(TypedDict):
     """
 
     smoothness: Smoothness
-    foot: dict[str, float]
+    foot: FootFigures
     manifold_cm: float
 
 
@@ -280,10 +287,89 @@ class LearningFigures(TypedDict):
     seconds: float
 
 
-class StartFigures(TypedDict):
-    """What became of one start: how many trials met the cue, collided, or found no way to finish."""
+class Residual(TypedDict):
+    """How a cue was met: `feet_cm` left and right, None without a foot cue. `met`: within 10 cm and 20°."""
 
-    place: tuple[float, float]
+    cue: str
+    action_type: Literal["sit", "stop"]
+    frame: int
+    pelvis_cm: float
+    facing_degrees: float
+    feet_cm: list[float | None]
+    met: bool
+
+
+class PenetrationFigures(TypedDict):
+    """Shares of the frames in which the body is in the scene, percent; parts that touch nothing are left out."""
+
+    percent: float
+    legs_percent: float
+    arms_percent: float
+    whole_body_percent: float
+    parts_percent: dict[Literal["leg", "arm", "foot", "torso", "head"], float]
+
+
+class SpeedFigures(TypedDict):
+    """How fast joints turn and how hard they are accelerated, beside the library; walking speed, m/s."""
+
+    joint_ratio: float
+    fastest_joint: str | None
+    fastest_degrees: float
+    faster_percent: float
+    acceleration_ratio: float
+    hardest_joint: str | None
+    hardest_acceleration: float
+    harder_percent: float
+    walking: float
+    fastest: float
+
+
+class EditedFigures(TypedDict):
+    """What the editor did for a task. `seat`: None for a stop, and where it could not be fitted."""
+
+    seat: SeatFigures | None
+    manipulations: list[ManipulationFigures]
+    constraints: list[ConstraintFigures]
+    complete_frame: int
+    seconds: float
+    problems: list[str]
+
+
+class Report(TypedDict):
+    """What a run tells about itself; docs/report.md describes it.
+
+    `seconds`: by stage, of those that there were. `edited`: None where nothing was edited.
+    """
+
+    report_version: int
+    version: str
+    seed: int
+    library_checksum: str
+    settings: Settings
+    success: bool
+    problems: list[str]
+    cues: list[Residual]
+    foot: FootFigures
+    penetration: PenetrationFigures
+    speed: SpeedFigures
+    edited: EditedFigures | None
+    frames: int
+    path_m: float
+    shortest_path_m: float
+    seconds: dict[str, float]
+    policy_source: Literal["scratch", "prior", "kept"]
+    updates: int
+    environment_steps: int
+    environment_steps_per_second: float
+    rollouts: int
+    rollouts_succeeded: int
+    curve: list[LearningFigures]
+
+
+class StartFigures(TypedDict):
+    """What became of one start: how many trials met the cue, collided, or found no way to finish. `place`: x and y."""
+
+    place: list[float]
     met: int
     collisions: int
     stalls: int

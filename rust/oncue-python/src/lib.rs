@@ -1,7 +1,7 @@
 //! The Python face of `oncue`: all of pyo3 and numpy, and nothing else.
 //!
 //! One file per noun, each a thin wrapper; [`job`] is the door they all go through, [`error`] the
-//! exceptions they raise. The package around this module is `oncue_core/`, its types `_native.pyi`.
+//! exceptions they raise, [`logging`] what becomes of the core's log. The package around this module is `oncue_core/`, its types `_native.pyi`.
 
 mod arrays;
 mod editor;
@@ -9,6 +9,7 @@ mod error;
 mod job;
 mod json;
 mod library;
+mod logging;
 mod manifold;
 mod motion;
 mod policy;
@@ -20,6 +21,7 @@ use pyo3::prelude::*;
 
 #[pymodule]
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    logging::install();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<editor::EditedMotion>()?;
     module.add_class::<job::Job>()?;

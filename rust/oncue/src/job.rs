@@ -37,6 +37,15 @@ pub fn catch<T>(work: impl FnOnce() -> Result<T>) -> std::result::Result<T, Fail
     }
 }
 
+fn log_failure<T>(result: &std::result::Result<T, Failure>) {
+    match result {
+        Ok(_) => {}
+        Err(Failure::Error(Error::Cancelled)) => log::info!(target: "oncue", "{}", Error::Cancelled),
+        Err(Failure::Error(error)) => log::warn!(target: "oncue", "{error}"),
+        Err(failure @ Failure::Panic(_)) => log::error!(target: "oncue", "{failure}"),
+    }
+}
+
 /// Work on a thread of its own. Dropping the handle cancels the work and does not wait for it.
 #[derive(Debug)]
 pub struct Job<T> {
@@ -68,6 +77,9 @@ impl<T: Send + 'static> Job<T> {
             .stack_size(STACK_BYTES)
             .spawn(move || {
                 let result = catch(|| work(&progress));
+                // Before the work counts as done: who then looks into the log finds all of it.
+                progress.end_stage();
+                log_failure(&result);
                 *outcome.lock() = State::Done(result);
                 outcome.finished.notify_all();
             })

@@ -1,8 +1,9 @@
 //! Progress is pulled: the core writes atomics, whoever watches reads them ten times a second.
-//! Cancel is a flag that the core looks at, and it comes back as [`Error::Cancelled`].
+//! Cancel is a flag that the core looks at, and it comes back as [`Error::Cancelled`]. Each stage leaves a line in the log.
 
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
 
 use crate::error::{Error, Result};
 
@@ -17,7 +18,14 @@ pub struct Progress {
     reward: AtomicU32,
     /// Bits of an `f32` in 0..=1: share of the last update's episodes that met the cue.
     success_rate: AtomicU32,
-    stage: Mutex<String>,
+    stage: Mutex<Stage>,
+}
+
+#[derive(Debug, Default)]
+struct Stage {
+    name: String,
+    /// `None` once it has ended.
+    begun: Option<Instant>,
 }
 
 /// What a watcher sees at one moment.
@@ -51,10 +59,27 @@ impl Progress {
 
     /// Begin a stage, named as the artist will read it ("Reading motion capture").
     pub fn stage(&self, name: &str) {
-        if let Ok(mut stage) = self.stage.lock() {
-            name.clone_into(&mut stage);
-        }
+        self.end_stage();
+        *self.lock_stage() = Stage { name: name.to_owned(), begun: Some(Instant::now()) };
         self.fraction(0.0);
+        log::debug!(target: "oncue", "{name} …");
+    }
+
+    /// The stage has ended, and none follows it: logs what it took. Nothing where that was said before.
+    pub fn end_stage(&self) {
+        // The lock is given back before anything is logged: a watcher must not wait for a logger.
+        let ended = {
+            let mut stage = self.lock_stage();
+            stage.begun.take().map(|begun| (stage.name.clone(), begun.elapsed()))
+        };
+        if let Some((name, took)) = ended {
+            log::info!(target: "oncue", "{name}: {:.2} s", took.as_secs_f32());
+        }
+    }
+
+    /// A stage is replaced whole, so one left by a panicking thread is still good.
+    fn lock_stage(&self) -> MutexGuard<'_, Stage> {
+        self.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub fn fraction(&self, fraction: f32) {
@@ -69,11 +94,18 @@ impl Progress {
 
     pub fn snapshot(&self) -> ProgressSnapshot {
         ProgressSnapshot {
-            stage: self.stage.lock().map(|s| s.clone()).unwrap_or_default(),
+            stage: self.lock_stage().name.clone(),
             fraction: f32::from_bits(self.fraction.load(Relaxed)),
             update: self.update.load(Relaxed),
             reward: f32::from_bits(self.reward.load(Relaxed)),
             success_rate: f32::from_bits(self.success_rate.load(Relaxed)),
         }
+    }
+}
+
+/// Work that is no [`crate::Job`] ends with its progress.
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.end_stage();
     }
 }

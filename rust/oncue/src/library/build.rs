@@ -127,7 +127,10 @@ pub fn build(paths: &[PathBuf], settings: &LibrarySettings, progress: &Progress)
                 built.library.clips.push(clip);
                 built.library.clips.extend(mirrored);
             }
-            Err(reason) => built.skipped.push(Skipped { file: path.clone(), reason }),
+            Err(reason) => {
+                log::warn!(target: "oncue", "{} is left out: {reason}", path.display());
+                built.skipped.push(Skipped { file: path.clone(), reason });
+            }
         }
     }
     if built.library.clips.is_empty()
