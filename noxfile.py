@@ -237,10 +237,13 @@ def test(session: nox.Session) -> None:
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Formatting, clippy, ruff and mypy."""
+    """Formatting, clippy, the crate's documentation with its examples, ruff and mypy."""
     session.run("cargo", "fmt", "--all", "--check", external=True)
     clippy = ["cargo", "clippy", "--release", "--locked", "--workspace", "--all-targets"]
     session.run(*clippy, "--", "--deny", "warnings", external=True)
+    documented = ["cargo", "doc", "--release", "--locked", "--no-deps", "--package", "oncue"]
+    session.run(*documented, external=True, env={"RUSTDOCFLAGS": "--deny warnings"})
+    session.run("cargo", "test", "--release", "--locked", "--package", "oncue", "--doc", external=True)
     python = environment(session, "lint", LINTERS)
     session.run(str(python), "-m", "ruff", "check")
     session.run(str(python), "-m", "ruff", "format", "--check")

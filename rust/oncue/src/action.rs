@@ -9,8 +9,11 @@ use strum::VariantArray;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, VariantArray)]
 #[serde(rename_all = "snake_case")]
 pub enum ActionType {
+    /// Locomotion on the feet; no cue asks for it.
     Walk,
+    /// Sits down on a seat.
     Sit,
+    /// Comes to stand.
     Stop,
 }
 

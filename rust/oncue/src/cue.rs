@@ -20,6 +20,7 @@ pub struct InitialState {
 }
 
 impl InitialState {
+    /// Its place and facing on the floor plane.
     pub fn planar(&self) -> Planar {
         Planar::new(self.position.truncate(), self.yaw)
     }
@@ -43,6 +44,7 @@ pub struct ActionCue {
 }
 
 impl ActionCue {
+    /// Its place and facing on the floor plane.
     pub fn planar(&self) -> Planar {
         Planar::new(self.position.truncate(), self.yaw)
     }
@@ -77,7 +79,9 @@ impl ActionCue {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Hand {
+    /// The left one.
     Left,
+    /// The right one.
     Right,
     /// One on each side of the path.
     Both,
@@ -89,6 +93,7 @@ pub enum Hand {
 pub struct ManipulationCue {
     /// The name the artist gave it, for messages.
     pub name: String,
+    /// Which hand follows the path.
     pub hand: Hand,
     /// Where the palm is on each frame (30 Hz), world, metres.
     pub path: Vec<Vec3>,
@@ -102,7 +107,9 @@ pub struct ManipulationCue {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Task {
+    /// g_init.
     pub start: InitialState,
+    /// φ_A.
     pub cue: ActionCue,
     /// φ_M: what the hands do on the way or once the cue is met.
     #[serde(default)]

@@ -16,18 +16,34 @@ pub enum Error {
     Unreachable(String),
     /// A motion capture file that stays unreadable.
     #[error("{file}: {reason}")]
-    MocapFile { file: PathBuf, reason: String },
+    MocapFile {
+        /// The file.
+        file: PathBuf,
+        /// A sentence without the file's name.
+        reason: String,
+    },
     /// A file made by Oncue (library, policy, manifold) that is damaged, too new or of another kind.
     #[error("{file}: {reason}")]
-    DataFile { file: PathBuf, reason: String },
+    DataFile {
+        /// The file.
+        file: PathBuf,
+        /// A sentence without the file's name.
+        reason: String,
+    },
     /// The operating system refused a file.
     #[error("{file}: {source}")]
-    Io { file: PathBuf, source: std::io::Error },
+    Io {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
     /// The user asked to stop.
     #[error("Cancelled.")]
     Cancelled,
 }
 
+/// What may end with an [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {

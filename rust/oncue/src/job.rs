@@ -15,6 +15,7 @@ const STACK_BYTES: usize = 16 << 20;
 /// Why a job gave no value.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
+    /// What a user can act on.
     #[error(transparent)]
     Error(#[from] Error),
     /// A bug in the work; the panic's own message.
@@ -89,6 +90,7 @@ impl<T: Send + 'static> Job<T> {
 }
 
 impl<T> Job<T> {
+    /// How far the work is.
     pub fn progress(&self) -> ProgressSnapshot {
         self.progress.snapshot()
     }
@@ -98,6 +100,7 @@ impl<T> Job<T> {
         self.progress.cancel();
     }
 
+    /// Whether the work has ended, one way or another.
     pub fn is_done(&self) -> bool {
         !matches!(*self.outcome.lock(), State::Running)
     }

@@ -11,6 +11,45 @@
 //! ```
 //!
 //! One space everywhere, Blender's: right-handed, Z up, metres, quaternions w first at the borders.
+//!
+//! # The main job
+//!
+//! A person walks through a room and sits down on a bench:
+//!
+//! ```
+//! use oncue::glam::Vec3;
+//! use oncue::library::starter;
+//! use oncue::{ActionCue, ActionType, InitialState, MotionDatabase, Progress, SceneIndex, Settings, Task, synthesize};
+//!
+//! # fn main() -> oncue::Result<()> {
+//! let (settings, progress) = (Settings::default(), Progress::new());
+//! // W: a floor and a bench, as triangles.
+//! let corner = |x, y, z| Vec3::new(x, y, z);
+//! let positions = [
+//!     corner(-2.0, -2.0, 0.0), corner(2.0, -2.0, 0.0), corner(2.0, 2.0, 0.0), corner(-2.0, 2.0, 0.0),
+//!     corner(-0.6, 1.2, 0.45), corner(0.6, 1.2, 0.45), corner(0.6, 1.7, 0.45), corner(-0.6, 1.7, 0.45),
+//! ];
+//! let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+//! let scene = SceneIndex::build(&positions, &triangles, &settings.scene, &progress)?;
+//! // What the motion is made of: here the library that Oncue makes itself.
+//! let database = MotionDatabase::build(&starter::generate(&progress)?, &settings.synthesizer.weights, &progress)?;
+//! // g_init and φ_A: where the person stands at first, and where the pelvis ends.
+//! let start = InitialState { name: "Start".into(), position: corner(0.0, -1.2, 0.0), yaw: 3.0 };
+//! let seat = corner(0.0, 1.4, 0.55);
+//! let cue = ActionCue { name: "Bench".into(), action_type: ActionType::Sit, position: seat, yaw: 0.0, feet: [None; 2] };
+//! let task = Task { start, cue, manipulations: Vec::new() };
+//! let done = synthesize(&scene, &database, &task, None, &settings, 1, &progress)?;
+//! assert!(done.report.success, "{:?}", done.report.problems);
+//! let hips = done.motion.postures[done.motion.len() - 1].root_position;
+//! assert!(hips.distance(seat) < 0.02);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Captures come in by [`library::build()`], long work runs beside the program as a [`Job`], motions are edited by
+//! [`editor::edit_motion`]. What the core does it says through the `log` crate, one line a stage.
+
+#![warn(missing_docs, unreachable_pub)]
 
 pub mod action;
 mod body_solver;

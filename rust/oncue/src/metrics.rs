@@ -37,6 +37,7 @@ pub struct PenetrationFigures {
     pub percent: f32,
     /// The same for legs and arms alone.
     pub legs_percent: f32,
+    /// The same for the arms alone, percent.
     pub arms_percent: f32,
     /// Share of frames in which any box of the whole body crosses the scene (what carries pelvis and thighs, no
     /// higher than the seat, is not counted once the person sits down), percent.
@@ -48,7 +49,9 @@ pub struct PenetrationFigures {
 /// How a cue was met.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Residual {
+    /// The cue's name.
     pub cue: String,
+    /// What the cue asked for.
     pub action_type: ActionType,
     /// Frame (30 Hz) at which it was measured.
     pub frame: usize,
@@ -221,17 +224,22 @@ pub struct SpeedFigures {
     pub joint_ratio: f32,
     /// The joint that turned so, and by how many degrees in one frame.
     pub fastest_joint: Option<Joint>,
+    /// The fastest turn of any joint, degrees a frame.
     pub fastest_degrees: f32,
     /// Turns that are faster than that percentile, % of the turns of all joints; 0.1 of the library's own are.
     pub faster_percent: f32,
     /// The same for the joints' accelerations in the world, in which a transition that can be seen shows: the largest over
     /// the 99.9th percentile of that joint's in the library, the joint, its m/s², and the share above that percentile, %.
     pub acceleration_ratio: f32,
+    /// The joint that is accelerated hardest beside the library's own.
     pub hardest_joint: Option<Joint>,
+    /// Its acceleration, m/s².
     pub hardest_acceleration: f32,
+    /// Share of the frames in which any joint is accelerated harder than the library's 99.9th percentile, percent.
     pub harder_percent: f32,
     /// Mean planar speed while walking (over 0.3 m/s), m/s, and the fastest.
     pub walking: f32,
+    /// The fastest of them.
     pub fastest: f32,
 }
 

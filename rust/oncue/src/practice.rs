@@ -20,8 +20,11 @@ const TRIES: usize = 24;
 /// A room: triangles (world, metres, floor at z = 0) and the cues that it offers.
 #[derive(Debug, Clone, Default)]
 pub struct PracticeRoom {
+    /// World, metres.
     pub positions: Vec<Vec3>,
+    /// Indices of the positions.
     pub triangles: Vec<[u32; 3]>,
+    /// What can be asked for in it.
     pub cues: Vec<ActionCue>,
 }
 

@@ -31,14 +31,20 @@ struct Stage {
 /// What a watcher sees at one moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ProgressSnapshot {
+    /// The stage, as the artist will read it.
     pub stage: String,
+    /// How far the stage is, 0 to 1.
     pub fraction: f32,
+    /// The last update.
     pub update: u32,
+    /// Its mean reward of a decision.
     pub reward: f32,
+    /// Share of its episodes that met the cue.
     pub success_rate: f32,
 }
 
 impl Progress {
+    /// Nothing done yet.
     pub fn new() -> Self {
         Self::default()
     }
@@ -48,6 +54,7 @@ impl Progress {
         self.cancelled.store(true, Relaxed);
     }
 
+    /// Whether [`Progress::cancel`] was called.
     pub fn is_cancelled(&self) -> bool {
         self.cancelled.load(Relaxed)
     }
@@ -82,16 +89,19 @@ impl Progress {
         self.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Says how far the stage is, 0 to 1.
     pub fn fraction(&self, fraction: f32) {
         self.fraction.store(fraction.to_bits(), Relaxed);
     }
 
+    /// Says what an update came to; see [`ProgressSnapshot`].
     pub fn update(&self, update: u32, reward: f32, success_rate: f32) {
         self.update.store(update, Relaxed);
         self.reward.store(reward.to_bits(), Relaxed);
         self.success_rate.store(success_rate.to_bits(), Relaxed);
     }
 
+    /// What there is to see now.
     pub fn snapshot(&self) -> ProgressSnapshot {
         ProgressSnapshot {
             stage: self.lock_stage().name.clone(),

@@ -28,35 +28,50 @@ pub enum PolicySource {
 /// The report of one run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
+    /// Rises when a field changes its meaning.
     pub report_version: u32,
     /// Version of the core.
     pub version: String,
+    /// The request's seed.
     pub seed: u64,
+    /// Checksum of the motion library.
     pub library_checksum: String,
+    /// Every setting that was used.
     pub settings: Settings,
     /// Every cue was met and nothing ended early.
     pub success: bool,
     /// In words what went wrong; empty when nothing did.
     pub problems: Vec<String>,
+    /// How each cue was met.
     pub cues: Vec<Residual>,
+    /// How well the feet stand.
     pub foot: FootFigures,
+    /// How often the body is in the scene.
     pub penetration: PenetrationFigures,
+    /// How fast and how hard the joints move, beside the library.
     pub speed: SpeedFigures,
     /// What the editor did; none where it is switched off or the action was not completed.
     pub edited: Option<EditedFigures>,
+    /// Frames of the motion, 30 Hz.
     pub frames: usize,
     /// Metres the root travelled, and the shortest clear path.
     pub path_m: f32,
+    /// Metres of the shortest clear way.
     pub shortest_path_m: f32,
     /// Seconds of each stage, by name.
     pub seconds: BTreeMap<String, f32>,
+    /// Where the policy came from that played the motion.
     pub policy_source: PolicySource,
     /// Updates of this run; 0 where the policy that was there served the task.
     pub updates: usize,
+    /// Decisions that were played for learning.
     pub environment_steps: usize,
+    /// The same by the second of rolling out.
     pub environment_steps_per_second: f32,
     /// Rollouts the kept motion was chosen from, and how many of them met the cue.
     pub rollouts: usize,
+    /// Those of them that met the cue.
     pub rollouts_succeeded: usize,
+    /// One point an update.
     pub curve: Vec<UpdateFigures>,
 }

@@ -22,7 +22,9 @@ use crate::settings::Settings;
 /// A motion, its report, and the policy that played it.
 #[derive(Debug, Clone)]
 pub struct Synthesis {
+    /// M, edited.
     pub motion: Motion,
+    /// What it is worth, and what went wrong.
     pub report: Report,
     /// To be kept for the next task in the scene.
     pub policy: StoredPolicy,

@@ -145,7 +145,7 @@ impl Degrees {
 
     /// Where the numbers of `joint` begin, and how many they are.
     #[cfg(test)]
-    pub fn first_of(&self, joint: Joint) -> Option<(usize, usize)> {
+    pub(crate) fn first_of(&self, joint: Joint) -> Option<(usize, usize)> {
         self.indexed()
             .find(|(p, _)| matches!(p, Part::Ball(j) | Part::Hinge(j) if *j == joint))
             .map(|(p, i)| (i, p.size()))

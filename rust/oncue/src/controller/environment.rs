@@ -14,10 +14,15 @@ use crate::settings::Settings;
 /// What an episode plays in. Shared by all threads.
 #[derive(Debug)]
 pub struct Environment<'a> {
+    /// W.
     pub scene: &'a SceneIndex,
+    /// What S searches.
     pub database: &'a MotionDatabase,
+    /// The start and its cues.
     pub task: &'a Task,
+    /// Every constant.
     pub settings: &'a Settings,
+    /// The ways to the cue.
     pub path: ClearPath,
     walk_weights: Vec<f32>,
     /// Places on the clear floor at which an episode may begin.

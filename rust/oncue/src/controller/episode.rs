@@ -30,7 +30,9 @@ pub enum EpisodeEnd {
     Complete,
     /// Early terminations (LAMA, supplementary).
     LeftScene,
+    /// The limbs were in furniture for five frames.
     Collision,
+    /// The root hardly moved for as many frames as the settings say.
     Stall,
     /// Too many frames.
     TooLong,
@@ -39,6 +41,7 @@ pub enum EpisodeEnd {
 /// Figures of an episode, gathered frame by frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Tally {
+    /// Frames that were played.
     pub frames: usize,
     /// Frames with at least 10 leg or 7 arm crossings (LAMA, section 4.1).
     pub penetrating: usize,
@@ -48,14 +51,18 @@ pub struct Tally {
     pub crossings: u64,
     /// C_tr + C_vel over all transitions, and the worst.
     pub transition: f32,
+    /// The largest C_tr + C_vel.
     pub worst_transition: f32,
+    /// How many transitions there were.
     pub transitions: usize,
-    /// Frames that the motion lacks where a leg hurries, see [`Character::leg_speed`], and the most of one frame.
+    /// Frames that the motion lacks where a leg hurries, see `Character::leg_speed`, and the most of one frame.
     pub hurry: f32,
+    /// The most of [`Tally::hurry`] in one frame.
     pub worst_hurry: f32,
     /// How much harder a joint is accelerated than the library's own (its 99.9th percentile), as a part of that: summed over
     /// the frames, and the most.
     pub jolt: f32,
+    /// The most of [`Tally::jolt`] in one frame.
     pub worst_jolt: f32,
     /// How far feet creep that seem to stand (LAMA, section 4.1).
     pub contact: ContactError,
@@ -65,6 +72,7 @@ pub struct Tally {
     pub offset: f32,
     /// Pelvis to the cue at the end, metres, and facing, radians.
     pub residual: f32,
+    /// The facing away from the cue's at the end, radians.
     pub facing: f32,
 }
 

@@ -33,12 +33,15 @@ pub struct KeptMotion {
     pub complete: usize,
     /// Frame at which the sit or stop was entered.
     pub action_from: Option<usize>,
+    /// How its episode ended.
     pub end: EpisodeEnd,
+    /// Figures of its episode.
     pub tally: Tally,
     /// What an artist would mind in it, in one number.
     pub cost: f32,
     /// Rollouts that were played, and how many of them met the cue.
     pub rollouts: usize,
+    /// Rollouts that met the cue.
     pub succeeded: usize,
 }
 

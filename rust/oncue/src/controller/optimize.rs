@@ -17,6 +17,7 @@ use crate::progress::Progress;
 /// One point of the learning curve.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct UpdateFigures {
+    /// Which update it was, from 0.
     pub update: usize,
     /// Mean reward of a decision.
     pub reward: f32,
@@ -26,19 +27,24 @@ pub struct UpdateFigures {
     pub success_rate_anywhere: Option<f32>,
     /// Shares of all episodes by how they ended.
     pub collisions: f32,
+    /// Share of all episodes that stalled.
     pub stalls: f32,
+    /// Seconds since the optimization began.
     pub seconds: f32,
 }
 
 /// A policy and how it came about.
 #[derive(Debug, Clone)]
 pub struct OptimizedPolicy {
+    /// π and V after the last update.
     pub policy: Policy,
+    /// One point an update.
     pub curve: Vec<UpdateFigures>,
     /// Decisions played in all.
     pub environment_steps: usize,
     /// Seconds of rolling out and of learning.
     pub rollout_seconds: f32,
+    /// Seconds of learning.
     pub learning_seconds: f32,
 }
 

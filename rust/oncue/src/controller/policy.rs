@@ -63,13 +63,16 @@ impl Normalizer {
 /// π(a_t | s_t) and V(s_t).
 ///
 /// The policy's output: a logit for each action type, then the mean of the continuous action vector
-/// (both on top of what the environment proposes, see [`super::state::Observation`]).
+/// (both on top of what the environment proposes, see `Observation`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Policy {
+    /// π's network.
     pub policy: Mlp,
+    /// V's network.
     pub value: Mlp,
     /// Log standard deviation of each number of the action vector.
     pub log_std: Vec<f32>,
+    /// How states are scaled before both.
     pub normalizer: Normalizer,
 }
 
@@ -77,6 +80,7 @@ pub struct Policy {
 pub(crate) const TYPE_COUNT: usize = ActionType::COUNT;
 
 impl Policy {
+    /// Random networks for states of `state_size` numbers.
     pub fn new(state_size: usize, settings: &Settings, rng: &mut impl Rng) -> Self {
         let vector_size = settings.signal.vector_size();
         let sizes = |hidden: &[usize], outputs: usize| {
@@ -113,15 +117,17 @@ impl Policy {
                 .all(|numbers| numbers.iter().all(|n| n.is_finite()))
     }
 
+    /// Numbers of a state.
     pub fn state_size(&self) -> usize {
         self.policy.input_size()
     }
 
+    /// Numbers of the continuous action vector.
     pub fn vector_size(&self) -> usize {
         self.log_std.len()
     }
 
-    /// Applies the normaliser in place; `map` from [`Normalizer::map`].
+    /// Applies the normaliser in place; `map` from `Normalizer::map`.
     pub fn normalize(states: &mut [f32], map: &[(f32, f32)]) {
         for row in states.chunks_exact_mut(map.len()) {
             for (x, (scale, shift)) in row.iter_mut().zip(map) {
@@ -153,6 +159,7 @@ pub struct Draw {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Gaussian {
     std: Vec<f32>,
+    /// 1/σ of each number.
     pub inverse: Vec<f32>,
     /// log of the density at the mean.
     peak: f32,

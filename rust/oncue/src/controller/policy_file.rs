@@ -35,6 +35,7 @@ pub struct PolicyOrigin {
     pub generalized: bool,
     /// Updates and decisions that went into it, those of the policy it began with included.
     pub updates: usize,
+    /// Decisions that went into it, those of the policy it began with included.
     pub environment_steps: usize,
     /// Share of the last update's episodes that met their cue.
     pub success_rate: f32,
@@ -43,9 +44,13 @@ pub struct PolicyOrigin {
 /// A policy with what its numbers mean and what it was made for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredPolicy {
+    /// π and V.
     pub policy: Policy,
+    /// What its states hold.
     pub state: StateSettings,
+    /// What its signals mean.
     pub signal: SignalSettings,
+    /// What it was optimized for.
     pub origin: PolicyOrigin,
 }
 
@@ -93,6 +98,7 @@ pub fn request_of(task: &Task, settings: &Settings, seed: u64) -> String {
 }
 
 impl StoredPolicy {
+    /// A policy with the settings that it was optimized with.
     pub fn new(policy: Policy, settings: &Settings, origin: PolicyOrigin) -> Self {
         Self { policy, state: settings.state.clone(), signal: settings.signal.clone(), origin }
     }
@@ -121,6 +127,7 @@ impl StoredPolicy {
         self.origin.scene == scene && self.origin.library == library
     }
 
+    /// The bytes of the policy's file: weights in half precision.
     pub fn to_bytes(&self) -> Vec<u8> {
         let stored = PolicyFile {
             policy: StoredMlp::of(&self.policy.policy),
@@ -193,7 +200,7 @@ impl StoredPolicy {
     }
 
     /// # Errors
-    /// Those of [`write_whole`].
+    /// Those of `write_whole`.
     pub fn write(&self, path: &Path) -> Result<()> {
         write_whole(path, &self.to_bytes())
     }

@@ -50,6 +50,7 @@ pub(crate) fn advantages(
 }
 
 impl Ppo {
+    /// Adam for the networks of `policy`, and a generator for the order of the batches.
     pub fn new(policy: &Policy, settings: &PpoSettings, seed: u64) -> Self {
         Self {
             policy_adam: Adam::new(settings.policy_rate, policy.policy.parameters.len()),

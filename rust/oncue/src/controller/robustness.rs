@@ -65,12 +65,14 @@ pub struct StartFigures {
     pub met: usize,
     /// Trials that ended in a collision, and that found no way to finish.
     pub collisions: usize,
+    /// Trials that found no way to finish.
     pub stalls: usize,
 }
 
 /// The robustness test of one policy and cue.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Robustness {
+    /// One a start.
     pub starts: Vec<StartFigures>,
     /// Share of the starts that count.
     pub ratio: f32,

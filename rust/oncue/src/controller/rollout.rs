@@ -25,11 +25,17 @@ const GROUPS: usize = 8;
 pub struct Tuples {
     /// As observed, not normalised.
     pub states: Vec<f32>,
+    /// What the environment added to the network's output, for each decision.
     pub proposals: Vec<f32>,
+    /// Which action types were open.
     pub allowed: Vec<[bool; TYPE_COUNT]>,
+    /// Index of the action type that was drawn.
     pub types: Vec<usize>,
+    /// The continuous action vectors that were drawn.
     pub vectors: Vec<f32>,
+    /// ln π(a|s) of each.
     pub log_probabilities: Vec<f32>,
+    /// R_total of each.
     pub rewards: Vec<f32>,
     /// The episode ended with this tuple.
     pub ended: Vec<bool>,
@@ -37,6 +43,7 @@ pub struct Tuples {
     pub per_environment: usize,
     /// State after the last tuple of each environment.
     pub last_states: Vec<f32>,
+    /// The episodes that ended.
     pub episodes: Vec<EpisodeSummary>,
 }
 

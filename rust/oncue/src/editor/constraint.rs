@@ -18,6 +18,7 @@ use crate::motion::{Joint, Motion, Pose};
 pub struct Constraint {
     /// The name the artist gave it, for messages.
     pub name: String,
+    /// The joint that is placed or turned.
     #[serde(with = "by_name")]
     pub joint: Joint,
     /// The point of the joint that `positions` place, in the joint's frame, metres: a palm, say. Zero is the joint itself.
@@ -75,14 +76,17 @@ impl Constraint {
         self.first_frame..self.first_frame + count
     }
 
+    /// The place asked for on a frame of the motion, world, metres.
     pub fn position(&self, frame: usize) -> Option<Vec3> {
         self.positions.get(frame.checked_sub(self.first_frame)?).copied()
     }
 
+    /// The rotation asked for on a frame of the motion, world.
     pub fn rotation(&self, frame: usize) -> Option<Quat> {
         self.rotations.get(frame.checked_sub(self.first_frame)?).copied()
     }
 
+    /// The facing asked for on a frame of the motion, radians.
     pub fn facing(&self, frame: usize) -> Option<f32> {
         self.facings.get(frame.checked_sub(self.first_frame)?).copied()
     }

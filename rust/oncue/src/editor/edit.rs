@@ -23,18 +23,24 @@ use crate::settings::EditorSettings;
 /// An edited motion, and how its constraints were met.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Edited {
+    /// The motion after the edit.
     pub motion: Motion,
+    /// What the edit did.
     pub figures: EditFigures,
 }
 
 /// What an edit did.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct EditFigures {
+    /// What is left of each constraint.
     pub constraints: Vec<ConstraintFigures>,
     /// Frames `first..end` that may differ from the motion before.
     pub first_frame: usize,
+    /// The first frame after those that may differ.
     pub end_frame: usize,
+    /// What the search along the manifold did, where there was one.
     pub search: Option<SearchFigures>,
+    /// Seconds that the edit took.
     pub seconds: f32,
 }
 
@@ -53,14 +59,19 @@ impl EditFigures {
 /// What is left of a constraint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ConstraintFigures {
+    /// The constraint's name.
     pub name: String,
+    /// The joint's name.
     pub joint: String,
+    /// Frames that it speaks of.
     pub frames: usize,
     /// Distance from the places asked for, cm; `None` where none was.
     pub mean_cm: Option<f32>,
+    /// The largest distance from the places asked for, cm.
     pub max_cm: Option<f32>,
     /// The same for rotation or facing, degrees.
     pub mean_degrees: Option<f32>,
+    /// The largest angle from the rotations or facings asked for, degrees.
     pub max_degrees: Option<f32>,
     /// Within 1 cm and 3°.
     pub met: bool,

@@ -67,11 +67,13 @@ pub(crate) struct Search<'a> {
 /// What the search did, for the report.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SearchFigures {
+    /// Windows that were searched.
     pub windows: usize,
     /// Adam's steps, of the window that took most.
     pub steps: usize,
     /// Mean distance of the targets before the search and after it, cm.
     pub before_cm: f32,
+    /// Mean distance of the targets after the search, cm.
     pub after_cm: f32,
 }
 

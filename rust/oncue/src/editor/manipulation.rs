@@ -41,19 +41,24 @@ const FARTHEST: f32 = 1.33;
 /// Where a cue's path came to lie in the motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ManipulationFigures {
+    /// The cue's name.
     pub name: String,
     /// Frame (30 Hz) on which the hand is at the path's first place, and how many the path has.
     pub first_frame: usize,
+    /// Frames of the cue's path.
     pub frames: usize,
 }
 
 /// A motion whose hands follow their cues.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Manipulated {
+    /// The motion with the hands on their paths.
     pub motion: Motion,
+    /// Where each cue came to lie.
     pub cues: Vec<ManipulationFigures>,
     /// Where the motion was held on its way: a frame of the motion so far, and how many frames were put in after it.
     pub holds: Vec<(usize, usize)>,
+    /// What the edit did.
     pub figures: EditFigures,
 }
 

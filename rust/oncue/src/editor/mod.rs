@@ -4,9 +4,9 @@
 //! Motion ──► window X ──► Ψ (encoder) ──► z, optimized ──► Ψ⁻¹ (decoder) ──► X ──► Motion
 //! ```
 //!
-//! An edit asks for [`constraint`]s. [`latent`] searches the [`crate::manifold`] for them; the [`crate::body_solver`] takes
-//! what is left. Who asks is [`seat`] (the action cue), [`manipulation`] (the hands' cues) and [`resolve`] (the artist);
-//! [`task`] is the editor's part of the main job, and [`plain_ik`] what it is compared with.
+//! An edit asks for `constraint`s. `latent` searches the [`crate::manifold`] for them; the `body_solver` takes
+//! what is left. Who asks is `seat` (the action cue), `manipulation` (the hands' cues) and `resolve` (the artist);
+//! `task` is the editor's part of the main job, and [`plain_ik`] what it is compared with.
 
 pub(crate) mod constraint;
 pub(crate) mod edit;

@@ -19,6 +19,7 @@ use crate::settings::EditorSettings;
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Key {
+    /// The bone's name.
     pub joint: String,
     /// 30 Hz.
     pub frame: usize,
@@ -27,7 +28,9 @@ pub struct Key {
 /// What an artist asks of a motion.
 #[derive(Clone, Copy)]
 pub struct Wishes<'a> {
+    /// Where joints are to be.
     pub constraints: &'a [Constraint],
+    /// What the artist keyed.
     pub keys: &'a [Key],
     /// The scene that a seated body is kept out of.
     pub scene: Option<&'a SceneIndex>,

@@ -50,6 +50,7 @@ const DEEPEST_THIGH: f32 = 2.0;
 pub struct SeatFigures {
     /// Pelvis joint to q_root, cm, and facing to r_root, degrees: the worst of the seated frames.
     pub pelvis_cm: f32,
+    /// The facing away from the cue's, degrees.
     pub facing_degrees: f32,
     /// Ankle to each given foot cue, cm.
     pub feet_cm: [Option<f32>; 2],
@@ -59,14 +60,18 @@ pub struct SeatFigures {
     pub hanging: [bool; 2],
     /// Deepest that a thigh is in the seat and the back in the backrest, cm, of the seated frames.
     pub thigh_cm: f32,
+    /// Deepest that the back is in the backrest, cm.
     pub back_cm: f32,
 }
 
 /// A fitted motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SeatFit {
+    /// The motion that sits on its seat.
     pub motion: Motion,
+    /// What the edit did.
     pub figures: EditFigures,
+    /// How the person sits.
     pub seat: SeatFigures,
 }
 
@@ -74,12 +79,15 @@ pub struct SeatFit {
 pub struct Seat<'a> {
     /// Walks and sits down.
     pub motion: &'a Motion,
+    /// The sit cue.
     pub cue: &'a ActionCue,
     /// The frame at which the person is seated.
     pub complete: usize,
+    /// W, which thighs and back are kept out of.
     pub scene: Option<&'a SceneIndex>,
     /// World height of the floor, metres.
     pub floor: f32,
+    /// The editor's constants.
     pub settings: &'a EditorSettings,
 }
 

@@ -27,6 +27,7 @@ pub struct EditedFigures {
     pub constraints: Vec<ConstraintFigures>,
     /// Frame on which the action is complete and everything stands where it should.
     pub complete_frame: usize,
+    /// Seconds that the editor took.
     pub seconds: f32,
     /// In words what could not be done; the motion is then as it was.
     pub problems: Vec<String>,

@@ -53,13 +53,16 @@ impl Default for LibrarySettings {
 /// A library, and what was left out of it.
 #[derive(Debug, Clone, Default)]
 pub struct BuiltLibrary {
+    /// The clips.
     pub library: MotionLibrary,
+    /// The files that gave none.
     pub skipped: Vec<Skipped>,
 }
 
 /// A file that is not in the library, and why.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Skipped {
+    /// The file.
     pub file: PathBuf,
     /// A sentence.
     pub reason: String,

@@ -24,13 +24,16 @@ use Joint::*;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UpAxis {
+    /// Y is up.
     Y,
+    /// Z is up.
     Z,
 }
 
 /// A file read at 30 Hz in our axes, scaled so that its legs are as long as ours.
 pub struct Sampler<'a> {
     file: &'a MocapFile,
+    /// Which of the file's joints are ours.
     pub table: &'a JointTable,
     up: UpAxis,
     /// Our metres for one unit of the file.
@@ -38,6 +41,7 @@ pub struct Sampler<'a> {
     first: usize,
     /// Takes the file's floor, which some captures tilt by a degree, to the level.
     level: Quat,
+    /// Where the file's joints are, in its own axes and unit.
     pub pose: MocapPose,
 }
 
@@ -90,10 +94,12 @@ impl<'a> Sampler<'a> {
         }
     }
 
+    /// Where one of our joints is, in the file's axes and unit.
     pub fn position(&self, joint: Joint) -> Option<Vec3> {
         self.table.get(joint).map(|i| self.pose.positions[i])
     }
 
+    /// How one of our joints is turned, in the file's axes.
     pub fn rotation(&self, joint: Joint) -> Option<Quat> {
         self.table.get(joint).map(|i| self.pose.rotations[i])
     }

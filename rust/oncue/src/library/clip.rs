@@ -8,8 +8,11 @@ use crate::motion::Motion;
 /// Frames `first..end` of a clip, with what happens in them. Segments of a clip do not overlap.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Segment {
+    /// What happens.
     pub label: ActionLabel,
+    /// Its first frame in the clip.
     pub first: usize,
+    /// The first frame after it.
     pub end: usize,
     /// The frame (in the clip) where the action is complete: seated, risen, or standing still.
     /// For labels that complete nothing, `end - 1`.
@@ -31,9 +34,13 @@ pub enum Source {
 pub struct Clip {
     /// File stem or procedural name; mirrored copies end in " (mirrored)".
     pub name: String,
+    /// Where it came from.
     pub source: Source,
+    /// Whether left and right are exchanged.
     pub mirrored: bool,
+    /// The motion, 30 Hz.
     pub motion: Motion,
+    /// What happens in it.
     pub segments: Vec<Segment>,
 }
 
@@ -56,6 +63,7 @@ impl Clip {
 /// A set of clips to match against.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotionLibrary {
+    /// The clips, mirrored copies among them.
     pub clips: Vec<Clip>,
 }
 

@@ -124,9 +124,11 @@ impl TurnLimits {
 pub struct MotionDatabase {
     /// [`MotionLibrary::checksum`] of what it was built from.
     pub library_checksum: String,
+    /// Every frame of every clip.
     pub frames: Vec<DatabaseFrame>,
     /// {p_j}, {ṗ_j}, θ_up, c of every frame.
     pub pose_features: Vec<PoseFeature>,
+    /// w_f², with which the search was built.
     pub weights: FeatureWeights,
     /// One an action type.
     indices: [ActionIndex; ActionType::COUNT],

@@ -31,18 +31,26 @@ enum Stored {
 /// What a library holds: for the user's eyes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
+    /// Clips, mirrored copies included.
     pub clips: usize,
+    /// Frames of all clips, 30 Hz.
     pub frames: usize,
+    /// One a label.
     pub rows: Vec<SummaryRow>,
 }
 
 /// Seconds of one action, by where they come from; mirrored copies are counted apart.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SummaryRow {
+    /// The label.
     pub label: ActionLabel,
+    /// Seconds that were captured.
     pub mocap_seconds: f32,
+    /// Seconds of their mirrored copies.
     pub mirrored_seconds: f32,
+    /// Seconds that were made by rule.
     pub procedural_seconds: f32,
+    /// How many segments these are.
     pub segments: usize,
 }
 
@@ -111,7 +119,7 @@ impl MotionLibrary {
     /// Writes the library file.
     ///
     /// # Errors
-    /// Those of [`write_whole`].
+    /// Those of `write_whole`.
     pub fn write(&self, path: &Path) -> Result<()> {
         write_whole(path, &self.to_bytes())
     }

@@ -1,8 +1,22 @@
 //! The motion library: clips on the unified skeleton at 30 Hz, with contacts and labels.
 //!
-//! Two sources make clips: motion capture files ([`mocap_file`], [`retarget`], [`contact`], [`label`])
-//! and the procedural [`starter`]. [`MotionLibrary`] keeps them and their file; [`feature`] and
-//! [`search`] make them matchable. [`build()`] does it all.
+//! Two sources make clips: motion capture files (`mocap_file`, `retarget`, `contact`, `label`)
+//! and the procedural [`starter`]. [`MotionLibrary`] keeps them and their file; `feature` and
+//! `search` make them matchable. [`build()`] does it all.
+//!
+//! ```
+//! use oncue::library::{LibrarySettings, StarterUse, build};
+//! use oncue::{ActionLabel, Progress};
+//!
+//! # fn main() -> oncue::Result<()> {
+//! // Of no file at all: what the starter library has. Files and folders of `.bvh` go in the list.
+//! let built = build(&[], &LibrarySettings { starter: StarterUse::Missing, ..LibrarySettings::default() }, &Progress::new())?;
+//! assert!(built.skipped.is_empty());
+//! let sits = built.library.summary().rows.iter().find(|row| row.label == ActionLabel::Sit).map(|row| row.segments);
+//! assert!(sits.is_some_and(|count| count > 10));
+//! # Ok(())
+//! # }
+//! ```
 
 pub(crate) mod build;
 pub(crate) mod calibration;

@@ -117,10 +117,12 @@ impl SearchIndex {
         index
     }
 
+    /// Entries.
     pub fn len(&self) -> usize {
         self.entries
     }
 
+    /// Whether there is nothing to be found.
     pub fn is_empty(&self) -> bool {
         self.entries == 0
     }

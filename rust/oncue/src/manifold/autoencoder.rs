@@ -120,6 +120,7 @@ impl Manifold {
         }
     }
 
+    /// Channels of each layer's output.
     pub fn channels(&self) -> usize {
         self.channels
     }
@@ -129,7 +130,7 @@ impl Manifold {
         &self.decoder.layers
     }
 
-    /// Numbers of one window's z: [`LATENT_FRAMES`] × channels.
+    /// Numbers of one window's z: `LATENT_FRAMES` × channels.
     pub fn latent_len(&self) -> usize {
         LATENT_FRAMES * self.channels
     }

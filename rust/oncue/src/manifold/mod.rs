@@ -1,7 +1,7 @@
 //! The motion manifold: Ψ and Ψ⁻¹ over windows X (LAMA, section 3.6; supplementary).
 //!
-//! [`window`] lays a motion out as X, [`kinematics`] places its joints and carries gradients back, [`autoencoder`] is Ψ
-//! and Ψ⁻¹ with their file, [`training`] makes one from a motion library: on `training_windows`, changed by `augment`, down
+//! `window` lays a motion out as X, `kinematics` places its joints and carries gradients back, `autoencoder` is Ψ
+//! and Ψ⁻¹ with their file, `training` makes one from a motion library: on `training_windows`, changed by `augment`, down
 //! the gradient of `loss`, from where `linear_start` begins, with a `checkpoint` after each epoch.
 
 mod augment;

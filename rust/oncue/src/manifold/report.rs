@@ -7,6 +7,7 @@ use super::settings::ManifoldSettings;
 /// How well a manifold gives windows back that it was not trained on.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct ReconstructionFigures {
+    /// Windows that were given back.
     pub windows: usize,
     /// Mean distance of a joint from its place, the root's planar path taken from the input, centimetres.
     pub joint_error_cm: f32,
@@ -23,6 +24,7 @@ pub struct ReconstructionFigures {
 /// One epoch of the training. The loss of the later epochs has the path in it, which those before have not.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct ManifoldEpoch {
+    /// Which epoch it was, from 1.
     pub epoch: u32,
     /// Mean L_recon over the epoch's windows.
     pub loss: f32,
@@ -35,16 +37,20 @@ pub struct ManifoldEpoch {
 pub struct TrainingReport {
     /// Checksum of the library.
     pub library: String,
+    /// Seed of the training.
     pub seed: u64,
+    /// How it was trained.
     pub settings: ManifoldSettings,
     /// Training, validation and test clips, mirror images included.
     pub clips: [usize; 3],
+    /// Windows that were trained on.
     pub training_windows: usize,
     /// On the test clips, with the weights as they are written.
     pub test: ReconstructionFigures,
     /// On those of the test clips that were captured.
     pub test_mocap: ReconstructionFigures,
-    /// On test windows changed as [`super::augment`] does: postures that no clip has.
+    /// On test windows changed as `augment` does: postures that no clip has.
     pub test_augmented: ReconstructionFigures,
+    /// One point an epoch.
     pub curve: Vec<ManifoldEpoch>,
 }

@@ -29,7 +29,7 @@ pub struct ManifoldSettings {
     pub final_learning_rate: f32,
     /// Scale of the normal noise on the normalized input (paper: 0.01).
     pub noise: f32,
-    /// Share of the training windows that are changed as [`super::augment`] does (paper: none).
+    /// Share of the training windows that are changed as `augment` does (paper: none).
     pub augmented: f32,
     /// How often a captured window is taken for each time that a procedural one is.
     pub mocap_repeats: usize,

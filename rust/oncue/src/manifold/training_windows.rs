@@ -145,7 +145,7 @@ pub(super) mod tests {
     use crate::manifold::window::tests::random_motion;
 
     /// Six clips with their mirror images, and one too short.
-    pub fn library() -> MotionLibrary {
+    pub(crate) fn library() -> MotionLibrary {
         let mut library = MotionLibrary::default();
         for seed in 0..7 {
             let motion = random_motion(if seed == 6 { 20 } else { 100 + 20 * seed }, seed as u64);
@@ -157,7 +157,7 @@ pub(super) mod tests {
         library
     }
 
-    pub fn small() -> ManifoldSettings {
+    pub(crate) fn small() -> ManifoldSettings {
         ManifoldSettings {
             channels: 8,
             epochs: 2,

@@ -21,6 +21,7 @@ pub struct Planar {
 }
 
 impl Planar {
+    /// A place (metres) and a facing (radians).
     pub fn new(position: Vec2, yaw: f32) -> Self {
         Self { position, yaw }
     }
@@ -40,6 +41,7 @@ impl Planar {
         wrap_angle(self.yaw - FRAC_PI_2)
     }
 
+    /// A place (metres) and where the facing points, an angle from +X (radians).
     pub fn from_heading(position: Vec2, heading: f32) -> Self {
         Self::new(position, wrap_angle(heading + FRAC_PI_2))
     }
@@ -54,10 +56,12 @@ impl Planar {
         self.position + rotate(self.yaw, local)
     }
 
+    /// A direction of the world as seen from here.
     pub fn direction_to_local(&self, world: Vec2) -> Vec2 {
         rotate(-self.yaw, world)
     }
 
+    /// A direction as seen from here, in the world.
     pub fn direction_to_world(&self, local: Vec2) -> Vec2 {
         rotate(self.yaw, local)
     }

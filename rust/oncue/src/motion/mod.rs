@@ -18,16 +18,19 @@ pub type FootContact = [f32; 2];
 /// M = {m_t}: postures at [`FRAME_RATE`], with the foot contact of each frame.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Motion {
+    /// m_t, one a frame.
     pub postures: Vec<Posture>,
     /// As long as `postures`.
     pub contacts: Vec<FootContact>,
 }
 
 impl Motion {
+    /// Frames.
     pub fn len(&self) -> usize {
         self.postures.len()
     }
 
+    /// Whether it has no frames.
     pub fn is_empty(&self) -> bool {
         self.postures.is_empty()
     }

@@ -20,7 +20,9 @@ pub struct Posture {
 /// A posture after forward kinematics: each joint's place and rotation in the world.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pose {
+    /// World, metres.
     pub positions: [Vec3; JOINT_COUNT],
+    /// World; a joint at rest has none.
     pub rotations: [Quat; JOINT_COUNT],
 }
 
@@ -71,10 +73,12 @@ impl Posture {
 }
 
 impl Pose {
+    /// Where a joint is, world, metres.
     pub fn position(&self, joint: Joint) -> Vec3 {
         self.positions[joint.index()]
     }
 
+    /// How a joint is turned, world.
     pub fn rotation(&self, joint: Joint) -> Quat {
         self.rotations[joint.index()]
     }

@@ -7,39 +7,63 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
+/// Joints of the unified skeleton.
 pub const JOINT_COUNT: usize = 22;
 
 /// The joints, parents before children; `as usize` indexes every per-joint array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[repr(u8)]
 pub enum Joint {
+    /// The root: the pelvis.
     Hips,
+    /// Lumbar spine.
     Spine,
+    /// Lower chest.
     Spine1,
+    /// Upper chest.
     Spine2,
+    /// Neck.
     Neck,
+    /// Head.
     Head,
+    /// Left collar bone.
     LeftShoulder,
+    /// Left upper arm, from the shoulder.
     LeftArm,
+    /// Left forearm, from the elbow.
     LeftForeArm,
+    /// Left hand, from the wrist.
     LeftHand,
+    /// Right collar bone.
     RightShoulder,
+    /// Right upper arm, from the shoulder.
     RightArm,
+    /// Right forearm, from the elbow.
     RightForeArm,
+    /// Right hand, from the wrist.
     RightHand,
+    /// Left thigh, from the hip.
     LeftUpLeg,
+    /// Left shin, from the knee.
     LeftLeg,
+    /// Left foot, from the ankle.
     LeftFoot,
+    /// Left toes, from the ball of the foot.
     LeftToe,
+    /// Right thigh, from the hip.
     RightUpLeg,
+    /// Right shin, from the knee.
     RightLeg,
+    /// Right foot, from the ankle.
     RightFoot,
+    /// Right toes, from the ball of the foot.
     RightToe,
 }
 
 use Joint::*;
 
 impl Joint {
+    /// Every joint, parents before children.
     pub const ALL: [Joint; JOINT_COUNT] = [
         Hips,
         Spine,
@@ -67,9 +91,12 @@ impl Joint {
 
     /// The toes, left then right: the points whose contact is kept.
     pub const TOES: [Joint; 2] = [LeftToe, RightToe];
+    /// Left and right foot.
     pub const FEET: [Joint; 2] = [LeftFoot, RightFoot];
+    /// Left and right hand.
     pub const HANDS: [Joint; 2] = [LeftHand, RightHand];
 
+    /// Its place in [`Joint::ALL`], and in every array of joints.
     pub const fn index(self) -> usize {
         self as usize
     }
@@ -80,6 +107,7 @@ impl Joint {
         (p != usize::MAX).then(|| Joint::ALL[p])
     }
 
+    /// Its name, as in [`NAMES`].
     pub fn name(self) -> &'static str {
         NAMES[self.index()]
     }
@@ -187,20 +215,28 @@ pub const HEEL_LENGTH: f32 = 0.06;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Limb {
+    /// Thighs and shins.
     Leg,
+    /// Upper arms and forearms.
     Arm,
+    /// Feet.
     Foot,
+    /// Pelvis and trunk.
     Torso,
+    /// Head.
     Head,
 }
 
 /// A box node b ∈ B: a box that moves with a joint. Axis-aligned in the joint's rest frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BoxNode {
+    /// What it is a part of.
     pub limb: Limb,
+    /// The joint that carries it.
     pub joint: Joint,
     /// In the joint's frame, metres.
     pub center: Vec3,
+    /// Half of its size along its own axes, metres.
     pub half_extents: Vec3,
 }
 

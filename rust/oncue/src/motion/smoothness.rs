@@ -12,6 +12,7 @@ use crate::motion::{FRAME_RATE, JOINT_COUNT, Motion, Pose, Posture};
 pub struct Smoothness {
     /// Mean over frames and joints, and the largest, m/s².
     pub mean_acceleration: f32,
+    /// The largest, m/s².
     pub largest_acceleration: f32,
     /// Largest change of a joint's own angular velocity, rad/s².
     pub largest_turn: f32,

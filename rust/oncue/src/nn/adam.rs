@@ -14,6 +14,7 @@ const SLICE: usize = 1 << 15;
 /// Moments of one flat parameter vector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Adam {
+    /// Step size before the moments' correction.
     pub learning_rate: f32,
     step: i32,
     first: Vec<f32>,
@@ -21,6 +22,7 @@ pub struct Adam {
 }
 
 impl Adam {
+    /// Moments at zero, for so many parameters.
     pub fn new(learning_rate: f32, parameters: usize) -> Self {
         Self { learning_rate, step: 0, first: vec![0.0; parameters], second: vec![0.0; parameters] }
     }

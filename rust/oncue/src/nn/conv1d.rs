@@ -48,9 +48,13 @@ pub struct Shape {
 /// One layer; `parameters` hold W_0 … W_24 (each in × out, row-major), then b (out).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Conv1d {
+    /// Whether frames become fewer or more.
     pub direction: Direction,
+    /// Channels in.
     pub inputs: usize,
+    /// Channels out.
     pub outputs: usize,
+    /// Weights, tap by tap (inputs × outputs), then the biases.
     pub parameters: Vec<f32>,
 }
 

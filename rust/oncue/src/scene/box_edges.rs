@@ -79,7 +79,7 @@ impl OrientedBox {
 
 /// All of a box's edges, for [`crossings`].
 #[cfg(test)]
-pub const ALL_EDGES: u32 = 0xfff;
+pub(super) const ALL_EDGES: u32 = 0xfff;
 
 /// Crossings of a box's edges with one triangle: bit `4 * axis + corner` for the edge along `axis` at the corner whose
 /// bits are the signs on (first other axis, second other axis). Only `edges` are looked at, and crossings lower than

@@ -1,7 +1,31 @@
 //! The scene W: where its triangles are, what a body touches, and where one can walk.
 //!
-//! [`SceneIndex`] answers from three structures: the [`triangle_tree`] (ρ(b, W), rays), the [`distance_field`]
-//! that rules most of the tree out, and the [`occupancy`] grid g_occ with the [`clear_path`]s over it.
+//! [`SceneIndex`] answers from three structures: the `triangle_tree` (ρ(b, W), rays), the `distance_field`
+//! that rules most of the tree out, and the `occupancy` grid g_occ with the `clear_path`s over it.
+//!
+//! ```
+//! use oncue::glam::{Vec2, Vec3};
+//! use oncue::scene::{SceneIndex, SceneSettings};
+//! use oncue::{Posture, Progress};
+//!
+//! # fn main() -> oncue::Result<()> {
+//! // A floor, and a wall across it at y = 1.
+//! let corners = [
+//!     [-2.0, -2.0, 0.0], [2.0, -2.0, 0.0], [2.0, 2.0, 0.0], [-2.0, 2.0, 0.0],
+//!     [-2.0, 1.0, 0.0], [2.0, 1.0, 0.0], [2.0, 1.0, 2.0], [-2.0, 1.0, 2.0],
+//! ];
+//! let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]];
+//! let scene = SceneIndex::build(&corners.map(Vec3::from), &triangles, &SceneSettings::default(), &Progress::new())?;
+//! assert_eq!(scene.floor_height(), 0.0);
+//! assert!(!scene.occupancy().is_walkable(Vec2::new(0.0, 1.0)) && scene.occupancy().is_walkable(Vec2::ZERO));
+//! // ρ(b, W) of every box of a body that stands in the open, and of one that stands in the wall.
+//! let mut posture = Posture::default();
+//! assert_eq!(scene.body_intersections(&posture.pose(), 0.1).iter().sum::<u32>(), 0);
+//! posture.root_position.y = 1.0;
+//! assert!(scene.body_intersections(&posture.pose(), 0.1).iter().sum::<u32>() > 10);
+//! # Ok(())
+//! # }
+//! ```
 
 mod box_edges;
 mod check;
@@ -109,6 +133,7 @@ impl SceneIndex {
         })
     }
 
+    /// The constants that it was indexed with.
     pub fn settings(&self) -> &SceneSettings {
         &self.settings
     }

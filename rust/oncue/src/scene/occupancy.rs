@@ -37,6 +37,7 @@ pub struct OccupancyGrid {
 }
 
 impl OccupancyGrid {
+    /// Draws all triangles that lie between the heights of the settings over the floor.
     pub fn build(
         triangles: &[[Vec3; 3]],
         bounds: (Vec3, Vec3),
@@ -116,6 +117,7 @@ impl OccupancyGrid {
         &self.clearance
     }
 
+    /// Bytes held.
     pub fn memory(&self) -> usize {
         self.occupied.len() * 6
     }

@@ -9,15 +9,19 @@ pub struct Raster {
     pub origin: Vec2,
     /// Edge of a cell, metres.
     pub cell: f32,
+    /// Cells along x.
     pub width: usize,
+    /// Cells along y.
     pub height: usize,
 }
 
 impl Raster {
+    /// All cells.
     pub fn len(&self) -> usize {
         self.width * self.height
     }
 
+    /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

@@ -14,6 +14,7 @@ pub struct SceneSettings {
     pub cell_size: f32,
     /// g_occ: heights over the floor between which a triangle occupies its cell (released constants: 0.15 to 1.2).
     pub occupied_from: f32,
+    /// The upper of the two.
     pub occupied_to: f32,
     /// World z of the floor. `None`: the scene's dominant walkable level.
     pub floor_height: Option<f32>,

@@ -16,7 +16,7 @@ use crate::simd::Level;
 
 /// A mesh made of boxes and sheets.
 #[derive(Default, Clone)]
-pub struct Mesh {
+struct Mesh {
     pub positions: Vec<Vec3>,
     pub triangles: Vec<[u32; 3]>,
 }

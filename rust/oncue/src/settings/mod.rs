@@ -19,14 +19,23 @@ use crate::library::feature::FeatureWeights;
 #[serde(default, deny_unknown_fields)]
 #[derive(Default)]
 pub struct Settings {
+    /// S.
     pub synthesizer: SynthesizerSettings,
+    /// s_t.
     pub state: StateSettings,
+    /// a_t.
     pub signal: SignalSettings,
+    /// R_total.
     pub reward: RewardSettings,
+    /// When an episode ends early.
     pub termination: TerminationSettings,
+    /// How π is optimized.
     pub ppo: PpoSettings,
+    /// Which motion is kept.
     pub kept: KeptSettings,
+    /// How the scene is indexed.
     pub scene: crate::scene::SceneSettings,
+    /// E.
     pub editor: EditorSettings,
 }
 
@@ -147,6 +156,7 @@ pub enum FutureForm {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SignalSettings {
+    /// How a^future is given.
     pub future_form: FutureForm,
     /// Farthest place of a^future, metres (released: 1.9).
     pub reach: f32,
@@ -206,7 +216,9 @@ impl Default for SignalSettings {
 pub struct RewardSettings {
     /// w_tr, w_act, w_reg (released: 0.4, 0.4, 0.2).
     pub w_tr: f32,
+    /// Weight of R_act.
     pub w_act: f32,
+    /// Weight of R_reg.
     pub w_reg: f32,
     /// r_coli at all (the ablation switches it off).
     pub collision: bool,
@@ -214,7 +226,9 @@ pub struct RewardSettings {
     pub collision_rate: f32,
     /// w_b of legs and arms (released: 0.7, 0.3), and of feet, torso and head (the paper: 0).
     pub leg_weight: f32,
+    /// w_b of the arms.
     pub arm_weight: f32,
+    /// w_b of feet, torso and head.
     pub body_weight: f32,
     /// Crossings lower than this over the floor are not counted, metres (released: 0.10).
     pub ignore_below: f32,
@@ -226,9 +240,11 @@ pub struct RewardSettings {
     pub velocity_threshold: f32,
     /// σ_inter, metres, and the same for the facing, radians.
     pub sigma_inter: f32,
+    /// The same for the facing, radians.
     pub sigma_facing: f32,
     /// σ²_Δt, σ²_Δv (released: 0.17, 0.10), on C_tr and C_vel; 0 for the ablation without smoothness.
     pub transition_rate: f32,
+    /// σ²_Δv, on C_vel.
     pub velocity_rate: f32,
     /// σ_reg, radians.
     pub sigma_reg: f32,
@@ -304,6 +320,7 @@ pub struct TerminationSettings {
     pub collision: f32,
     /// Mean root step of 50 frames below this, metres a frame (released: 0.03).
     pub stall_step: f32,
+    /// Frames over which that is looked at.
     pub stall_frames: usize,
     /// Frames of an episode at the most.
     pub longest: usize,
@@ -340,22 +357,31 @@ impl Default for TerminationSettings {
 pub struct PpoSettings {
     /// Hidden widths of the policy (the paper: 4 × 256) and the value network (2 × 256).
     pub policy_layers: Vec<usize>,
+    /// Hidden widths of the value network.
     pub value_layers: Vec<usize>,
+    /// Adam's rate for π.
     pub policy_rate: f32,
+    /// Adam's rate for V.
     pub value_rate: f32,
     /// γ, λ, ε.
     pub discount: f32,
+    /// λ of the advantages.
     pub lambda: f32,
+    /// ε of the clipped objective.
     pub clip: f32,
     /// Tuples per update (30,000) and per gradient step (512).
     pub tuples: usize,
+    /// Tuples of one gradient step.
     pub batch: usize,
     /// Passes over the tuples of an update (the paper gives none; released: 5).
     pub epochs: usize,
+    /// Gradients longer than this are shortened to it.
     pub gradient_norm: f32,
     /// Initial log standard deviation of a^future and a^offset.
     pub log_std_future: f32,
+    /// The same of a^offset.
     pub log_std_offset: f32,
+    /// Weight of the entropy in the objective (the paper: none).
     pub entropy: f32,
     /// At most this many updates.
     pub updates: usize,
@@ -484,24 +510,31 @@ impl Default for KeptSettings {
 pub struct CostWeights {
     /// An action that is never complete, and for each metre of the way that is left then.
     pub incomplete: f32,
+    /// Each metre of the way that is left then.
     pub way_left: f32,
     /// A cue that is missed.
     pub missed: f32,
     /// The pelvis away from its place, per metre, and from its facing, per radian.
     pub residual: f32,
+    /// The facing away from the cue's, per radian.
     pub facing: f32,
     /// A frame that counts as penetrating, one in which anything touches, and a single crossing.
     pub penetrating: f32,
+    /// A frame in which anything touches.
     pub touching: f32,
+    /// A single crossing of an edge.
     pub crossing: f32,
     /// The worst transition, and each, per C_tr + C_vel.
     pub worst_transition: f32,
+    /// Each transition, per C_tr + C_vel.
     pub transition: f32,
     /// The most that a leg hurries in a frame, and each, as a share of its speed.
     pub worst_hurry: f32,
+    /// Each frame in which a leg hurries, as a share of its speed.
     pub hurry: f32,
     /// The hardest jolt of a joint, and each, over the library's hardest.
     pub worst_jolt: f32,
+    /// Each jolt of a joint, over the library's hardest.
     pub jolt: f32,
     /// Feet that creep, per metre of contact error.
     pub contact: f32,
@@ -583,13 +616,17 @@ pub struct EditorSettings {
     pub manifold: bool,
     /// Adam's learning rate (0.005) and most steps (500).
     pub learning_rate: f32,
+    /// Most steps of Adam.
     pub steps: usize,
     /// The search stops once every target is this near, metres. The finishing pass takes the rest.
     pub met: f32,
     /// w_p, w_f, w_r, w_Δr (released, for manipulation: 7, 6, 1, 10).
     pub w_pos: f32,
+    /// w_f.
     pub w_foot: f32,
+    /// w_r.
     pub w_root: f32,
+    /// w_Δr.
     pub w_root_velocity: f32,
     /// Ours: weight of what trembles in the changed rotations.
     pub w_smooth: f32,
@@ -597,6 +634,7 @@ pub struct EditorSettings {
     pub blend_seconds: f32,
     /// Seconds of a reach of no length, and what each metre adds to it; a return takes as long.
     pub reach_seconds: f32,
+    /// What each metre adds to it.
     pub reach_seconds_per_metre: f32,
 }
 

@@ -1,7 +1,7 @@
 //! The starter library: motion made by rule, so that Oncue works before any file is read.
 //!
-//! Each clip starts as a footstep plan ([`plan`]); feet follow it ([`foot`]), the body balances above them ([`body`]),
-//! seats are approached and left as published kinematics have it ([`seat`]). [`catalogue`] says which clips there are.
+//! Each clip starts as a footstep plan (`plan`); feet follow it (`foot`), the body balances above them (`body`),
+//! seats are approached and left as published kinematics have it (`seat`). `catalogue` says which clips there are.
 //! Contacts and labels are known from the plan, not detected.
 //!
 //! # Sources
@@ -14,7 +14,7 @@
 //! - S. Nuzik et al., "Sit-to-stand movement pattern", Phys. Ther. 1986.
 //! - A. Kralj et al., "Analysis of standing up and sitting down in humans", J. Biomech. 1990.
 //! - W. Janssen et al., "Determinants of the sit-to-stand movement", Phys. Ther. 2002.
-//! - Swing curves: measured on the Open Motion Project by ACCAD / The Ohio State University (CC BY 3.0); see [`foot`].
+//! - Swing curves: measured on the Open Motion Project by ACCAD / The Ohio State University (CC BY 3.0); see `foot`.
 
 mod body;
 mod catalogue;

@@ -10,7 +10,7 @@ use crate::motion::skeleton::{ANKLE_HEIGHT, LEG_LENGTH, SEATED_HIPS_HEIGHT};
 
 /// The pelvis joint behind the front edge, metres.
 #[cfg(test)]
-pub const PELVIS_BEHIND_EDGE: f32 = 0.22;
+pub(super) const PELVIS_BEHIND_EDGE: f32 = 0.22;
 const HIP_BELOW_PELVIS: f32 = 0.02;
 
 /// How the legs rest on a seat of some height.

@@ -30,7 +30,7 @@ pub(super) struct Style {
 impl Style {
     /// The mean of all.
     #[cfg(test)]
-    pub fn plain() -> Self {
+    pub(super) fn plain() -> Self {
         Self {
             length: 1.0,
             width: 1.0,
