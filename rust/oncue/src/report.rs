@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::controller::optimize::UpdateFigures;
-use crate::editor::EditedFigures;
+use crate::editor::TaskEditFigures;
 use crate::metrics::{FootFigures, PenetrationFigures, Residual, SpeedFigures};
 use crate::settings::Settings;
 
@@ -51,7 +51,7 @@ pub struct Report {
     /// How fast and how hard the joints move, beside the library.
     pub speed: SpeedFigures,
     /// What the editor did; none where it is switched off or the action was not completed.
-    pub edited: Option<EditedFigures>,
+    pub edited: Option<TaskEditFigures>,
     /// Frames of the motion, 30 Hz.
     pub frames: usize,
     /// Metres the root travelled, and the shortest clear path.

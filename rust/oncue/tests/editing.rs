@@ -7,7 +7,9 @@ use std::sync::OnceLock;
 use glam::{Quat, Vec2, Vec3};
 use oncue::ActionLabel;
 use oncue::editor::plain_ik;
-use oncue::editor::{Constraint, Edited, Key, Wishes, check_constraints, edit_motion, shipped_manifold};
+use oncue::editor::{
+    Constraint, EditedMotion, Key, Wishes, check_constraints, edit_motion, shipped_manifold,
+};
 use oncue::editor::{Seat, SeatFit};
 use oncue::editor::{lengthened, manipulate};
 use oncue::internals::foot::sole;
@@ -56,11 +58,11 @@ fn standing() -> Motion {
     segment(ActionLabel::Idle, 150).0
 }
 
-fn edit(motion: &Motion, constraints: &[Constraint]) -> oncue::Result<Edited> {
+fn edit(motion: &Motion, constraints: &[Constraint]) -> oncue::Result<EditedMotion> {
     edit_with_keys(motion, constraints, &[])
 }
 
-fn edit_with_keys(motion: &Motion, constraints: &[Constraint], keys: &[Key]) -> oncue::Result<Edited> {
+fn edit_with_keys(motion: &Motion, constraints: &[Constraint], keys: &[Key]) -> oncue::Result<EditedMotion> {
     let wishes = Wishes { constraints, keys, scene: None, floor: 0.0 };
     edit_motion(motion, &wishes, None, &EditorSettings::default(), &Progress::new())
 }
@@ -78,7 +80,7 @@ fn range_of_the_library() -> Smoothness {
 
 /// What every edit keeps: frames outside its span to the bit, planted feet, soles over the floor, hinges that bend the
 /// human way, accelerations of the library.
-fn assert_sound(before: &Motion, edited: &Edited) {
+fn assert_sound(before: &Motion, edited: &EditedMotion) {
     let (after, figures) = (&edited.motion, &edited.figures);
     let span = figures.first_frame..figures.end_frame;
     for frame in (0..before.len()).filter(|f| !span.contains(f)) {
@@ -208,7 +210,7 @@ fn seats_from_low_to_high_are_fitted() {
         } else {
             assert!(s.hanging == [height > 0.65; 2] || height == 0.60, "{height}: {s:?}");
         }
-        assert_sound(&motion, &Edited { motion: fitted.motion, figures: fitted.figures });
+        assert_sound(&motion, &EditedMotion { motion: fitted.motion, figures: fitted.figures });
     }
 }
 
@@ -223,7 +225,7 @@ fn a_turn_on_the_seat_is_fitted() {
         let fitted = fit(&motion, complete, &cue, &seat_scene(height, 0.42)).expect("a fit");
         let s = &fitted.seat;
         assert!(s.pelvis_cm < 0.5 && s.facing_degrees < 1.0 && s.thigh_cm < 0.8, "{height}: {s:?}");
-        assert_sound(&motion, &Edited { motion: fitted.motion, figures: fitted.figures });
+        assert_sound(&motion, &EditedMotion { motion: fitted.motion, figures: fitted.figures });
     }
 }
 
@@ -268,7 +270,7 @@ fn feet_step_to_their_cues_and_do_not_slide() {
             assert!(miss < 0.01, "{joint:?}: {miss} {:?}", fitted.seat);
         }
         assert!(fitted.figures.constraints.iter().all(|c| c.met), "{:?}", fitted.figures);
-        assert_sound(&motion, &Edited { motion: fitted.motion, figures: fitted.figures });
+        assert_sound(&motion, &EditedMotion { motion: fitted.motion, figures: fitted.figures });
     }
 }
 
@@ -407,7 +409,7 @@ fn who_is_still_waits_for_a_late_cue_and_takes_the_time_to_get_back() {
                     assert!(!planted || slide < 0.003, "{what} {first}: a foot slides {slide} on {frame}");
                 }
             }
-            assert_sound(&before, &Edited { motion: done.motion, figures: done.figures });
+            assert_sound(&before, &EditedMotion { motion: done.motion, figures: done.figures });
         }
     }
 }

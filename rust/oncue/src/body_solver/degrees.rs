@@ -58,7 +58,7 @@ pub(crate) struct Column {
 
 /// A posture to be corrected, with what does not change while it is.
 #[derive(Debug, Clone)]
-pub(crate) struct Frame {
+pub(crate) struct BasePosture {
     pub posture: Posture,
     /// For each hinge, in the order of the parts: its axis in the joint's own frame, its angle, and how far that may go.
     hinges: Vec<Hinge>,
@@ -73,22 +73,22 @@ struct Hinge {
 }
 
 /// Least and largest angle of a knee and of an elbow, radians: never quite straight, never through itself.
-const KNEE: (f32, f32) = (0.07, 2.6);
-const ELBOW: (f32, f32) = (0.10, 2.6);
-const TOE: (f32, f32) = (-1.0, 0.3);
+const KNEE_RANGE: (f32, f32) = (0.07, 2.6);
+const ELBOW_RANGE: (f32, f32) = (0.10, 2.6);
+const TOE_RANGE: (f32, f32) = (-1.0, 0.3);
 /// An elbow bent less than this shows no plane of its own, radians.
-const SHOWS_ITS_PLANE: f32 = 0.35;
+const PLANE_SHOWN_FROM: f32 = 0.35;
 
 /// All degrees of freedom of a correction.
 #[derive(Debug, Clone)]
-pub(crate) struct Degrees {
+pub(crate) struct DegreesOfFreedom {
     parts: Vec<Part>,
     count: usize,
     /// Joints go no further than a person's.
     limited: bool,
 }
 
-impl Degrees {
+impl DegreesOfFreedom {
     /// The whole body, but for shoulders and wrists that `joints` do not ask for; `turned` joints are no hinges.
     pub(crate) fn for_joints(joints: &[Joint], turned: &[Joint]) -> Self {
         use Joint::*;
@@ -160,7 +160,7 @@ impl Degrees {
     }
 
     /// Makes a posture ready to be corrected.
-    pub(crate) fn frame(&self, posture: &Posture) -> Frame {
+    pub(crate) fn frame(&self, posture: &Posture) -> BasePosture {
         let pose = posture.pose();
         let hinges = self
             .parts
@@ -170,11 +170,11 @@ impl Degrees {
                 _ => None,
             })
             .collect();
-        Frame { posture: *posture, hinges }
+        BasePosture { posture: *posture, hinges }
     }
 
     /// The posture after a correction.
-    pub(crate) fn corrected(&self, frame: &Frame, correction: &[f64]) -> Posture {
+    pub(crate) fn corrected(&self, frame: &BasePosture, correction: &[f64]) -> Posture {
         let mut posture = frame.posture;
         let mut hinges = frame.hinges.iter();
         for (part, i) in self.indexed() {
@@ -196,7 +196,13 @@ impl Degrees {
     }
 
     /// What each number of the correction moves, at the corrected `pose`.
-    pub(crate) fn columns(&self, frame: &Frame, correction: &[f64], pose: &Pose, out: &mut Vec<Column>) {
+    pub(crate) fn columns(
+        &self,
+        frame: &BasePosture,
+        correction: &[f64],
+        pose: &Pose,
+        out: &mut Vec<Column>,
+    ) {
         out.clear();
         let mut hinges = frame.hinges.iter();
         for (part, i) in self.indexed() {
@@ -226,7 +232,7 @@ impl Degrees {
     /// ball joint), and how far, radians.
     pub(crate) fn beyond_limits<'a>(
         &'a self,
-        frame: &'a Frame,
+        frame: &'a BasePosture,
         correction: &'a [f64],
     ) -> impl Iterator<Item = Beyond> + 'a {
         let mut hinges = frame.hinges.iter();
@@ -287,13 +293,13 @@ fn hinge(posture: &Posture, pose: &Pose, joint: Joint) -> Hinge {
             let angle = normal.length().atan2(bone.dot(lower));
             // Forwards, palms down: about -Z on the left and +Z on the right.
             let usual = parent * if joint == LeftForeArm { Vec3::NEG_Z } else { Vec3::Z };
-            let shown = (angle / SHOWS_ITS_PLANE).min(1.0);
+            let shown = (angle / PLANE_SHOWN_FROM).min(1.0);
             let axis = normal.normalize_or_zero().lerp(usual, (1.0 - shown) * (1.0 - shown));
             let axis = (axis - lower * axis.dot(lower)).normalize_or(usual);
-            (rotation.inverse() * axis, angle, ELBOW)
+            (rotation.inverse() * axis, angle, ELBOW_RANGE)
         }
-        LeftToe | RightToe => (Vec3::X, about_x, TOE),
-        _ => (Vec3::X, about_x, KNEE),
+        LeftToe | RightToe => (Vec3::X, about_x, TOE_RANGE),
+        _ => (Vec3::X, about_x, KNEE_RANGE),
     };
     // A joint that is past its limit already may stay there.
     Hinge { axis, angle, least: least.min(angle), most: most.max(angle) }
@@ -345,7 +351,7 @@ mod tests {
             for (rotation, v) in posture.rotations.iter_mut().zip(seed.chunks_exact(3)) {
                 *rotation = Quat::from_scaled_axis(Vec3::new(v[0], v[1], v[2]));
             }
-            let degrees = Degrees::for_joints(&[Joint::LeftHand, Joint::Head], &[Joint::LeftHand]);
+            let degrees = DegreesOfFreedom::for_joints(&[Joint::LeftHand, Joint::Head], &[Joint::LeftHand]);
             let frame = degrees.frame(&posture);
             let correction: Vec<f64> = step[..degrees.count()].to_vec();
             let pose = degrees.corrected(&frame, &correction).pose();
@@ -381,7 +387,7 @@ mod tests {
     fn an_elbow_bends_in_the_plane_it_is_bent_in() {
         let mut posture = Posture::default();
         posture.rotations[Joint::LeftForeArm.index()] = Quat::from_rotation_y(-1.0);
-        let degrees = Degrees::for_joints(&[Joint::LeftHand], &[]);
+        let degrees = DegreesOfFreedom::for_joints(&[Joint::LeftHand], &[]);
         let frame = degrees.frame(&posture);
         let (i, size) = degrees.first_of(Joint::LeftForeArm).expect("an elbow");
         assert_eq!(size, 1);

@@ -32,7 +32,7 @@ pub(crate) struct FootPlan {
 }
 
 /// σ of a planted toe, metres: a tenth of what the eye sees slide.
-const LOCKED: f32 = 2e-4;
+const PLANTED_SIGMA: f32 = 2e-4;
 
 impl FootPlan {
     /// The feet as the motion has them.
@@ -75,7 +75,7 @@ impl FootPlan {
                 sigma: Vec3::splat(sigma),
             };
             if foot.planted {
-                out.push(point(toe_joint, foot.toe, LOCKED));
+                out.push(point(toe_joint, foot.toe, PLANTED_SIGMA));
                 out.push(point(ankle_joint, foot.ankle, 0.01));
                 out.push(Term::Turn { joint: ankle_joint, target: foot.turn, sigma: 0.06 });
             } else {

@@ -2,11 +2,11 @@
 //!
 //! One least-squares problem over a whole span of frames, solved by Gauss-Newton steps: every frame's correction is
 //! damped, its second difference over time is damped too, and the terms (constraints, planted feet, floor, seat) pull at
-//! it. The balance of the two dampings makes a correction fade over [`SPREAD`] frames around what asks for it: never a
+//! it. The balance of the two dampings makes a correction fade over [`FADE_FRAMES`] frames around what asks for it: never a
 //! snap, and where nothing asks it is zero. The paper has no such pass, and misses its constraints by centimetres.
 
 use super::banded::BandedMatrix;
-use super::degrees::{Degrees, Frame};
+use super::degrees::{BasePosture, DegreesOfFreedom};
 use super::term::{Term, rows};
 use super::touch::Surfaces;
 use crate::error::Result;
@@ -14,9 +14,9 @@ use crate::motion::Posture;
 use crate::progress::Progress;
 
 /// Frames over which a correction fades.
-pub(crate) const SPREAD: f64 = 7.0;
+pub(crate) const FADE_FRAMES: f64 = 7.0;
 /// Most Gauss-Newton steps.
-const STEPS: usize = 40;
+const MOST_STEPS: usize = 40;
 /// No σ is smaller at first than this share of the largest miss, and each step it is allowed to be this much smaller:
 /// a stiff valley is hard to follow from afar.
 const FIRST_SLACK: f64 = 0.1;
@@ -24,28 +24,28 @@ const LESS_SLACK: f64 = 0.45;
 /// Slack that no longer matters.
 const NO_SLACK: f64 = 2e-5;
 /// Done when no number changes more (radians or metres), or when a step gains less than this share of the cost.
-const SETTLED: f64 = 2e-4;
-const GAINS: f64 = 1e-4;
+const SETTLED_STEP: f64 = 2e-4;
+const LEAST_GAIN: f64 = 1e-4;
 /// With more damping than this no step would be seen: the correction stays as it is.
 const MOST_DAMPING: f64 = 1e8;
 /// A single step turns no joint further, radians.
-const LARGEST_STEP: f64 = 0.5;
-/// 1/σ above which a row is no wish.
-const HARD: f64 = 300.0;
+const MOST_STEP: f64 = 0.5;
+/// A row with a larger 1/σ than this is a demand, any other a wish.
+const DEMAND_WEIGHT: f64 = 300.0;
 /// σ of a joint beyond its limit, radians.
-const LIMIT: f64 = 0.002;
+const LIMIT_SIGMA: f64 = 0.002;
 
 /// A span of frames to be corrected.
 pub(crate) struct Span<'a> {
     pub postures: &'a [Posture],
     /// Whether the motion goes on before and after the span: the correction then starts and ends there without a kink.
     pub joins: [bool; 2],
-    pub degrees: &'a Degrees,
+    pub degrees: &'a DegreesOfFreedom,
     /// For each frame.
     pub terms: &'a [Vec<Term>],
     /// What thighs and back of a seated body are kept out of, looked for anew at each step.
     pub surfaces: Option<Surfaces<'a>>,
-    /// Frames over which a correction fades; [`SPREAD`], or 0 for each frame by itself.
+    /// Frames over which a correction fades; [`FADE_FRAMES`], or 0 for each frame by itself.
     pub spread: f64,
 }
 
@@ -55,12 +55,12 @@ pub(crate) struct Span<'a> {
 /// `Cancelled`.
 pub(crate) fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> {
     let (frames, n) = (span.postures.len(), span.degrees.count());
-    let ready: Vec<Frame> = span.postures.iter().map(|p| span.degrees.frame(p)).collect();
+    let ready: Vec<BasePosture> = span.postures.iter().map(|p| span.degrees.frame(p)).collect();
     let mut x = vec![0.0f64; frames * n];
     let mut system = System::new(span);
     let mut damping = 0.0f64;
     let mut terms = span.terms.to_vec();
-    for step in 0..STEPS {
+    for step in 0..MOST_STEPS {
         progress.check()?;
         if let Some(surfaces) = span.surfaces {
             for (f, list) in terms.iter_mut().enumerate() {
@@ -86,7 +86,8 @@ pub(crate) fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> 
             let after = system.cost(span, &ready, &terms, &tried);
             if after <= before * (1.0 + 1e-9) {
                 let largest = step.iter().fold(0.0f64, |a, s| a.max(s.abs()));
-                settled = largest < SETTLED || (before - after < GAINS * before && largest < 50.0 * SETTLED);
+                settled = largest < SETTLED_STEP
+                    || (before - after < LEAST_GAIN * before && largest < 50.0 * SETTLED_STEP);
                 x = tried;
                 damping = if damping < 1e-3 { 0.0 } else { damping * 0.1 };
                 break;
@@ -136,7 +137,7 @@ impl System {
     }
 
     /// Of all rows that matter more than a wish, metres or radians.
-    fn largest_miss(&self, span: &Span, ready: &[Frame], terms: &[Vec<Term>], x: &[f64]) -> f64 {
+    fn largest_miss(&self, span: &Span, ready: &[BasePosture], terms: &[Vec<Term>], x: &[f64]) -> f64 {
         let n = self.stiffness.len();
         let mut largest = 0.0f64;
         for (f, frame) in ready.iter().enumerate() {
@@ -144,7 +145,7 @@ impl System {
             let pose = posture.pose();
             for term in &terms[f] {
                 rows(term, &posture, &pose, |row| {
-                    if row.weight > HARD {
+                    if row.weight > DEMAND_WEIGHT {
                         largest = largest.max(row.miss.abs());
                     }
                 });
@@ -165,7 +166,7 @@ impl System {
     }
 
     /// ½ of the sum of squares at `x`.
-    fn cost(&self, span: &Span, ready: &[Frame], terms: &[Vec<Term>], x: &[f64]) -> f64 {
+    fn cost(&self, span: &Span, ready: &[BasePosture], terms: &[Vec<Term>], x: &[f64]) -> f64 {
         let n = self.stiffness.len();
         let mut sum = 0.0;
         for (f, frame) in ready.iter().enumerate() {
@@ -174,7 +175,7 @@ impl System {
             sum += span
                 .degrees
                 .beyond_limits(frame, x)
-                .map(|b| (b.over * self.weight(1.0 / LIMIT)).powi(2))
+                .map(|b| (b.over * self.weight(1.0 / LIMIT_SIGMA)).powi(2))
                 .sum::<f64>();
             let pose = span.degrees.corrected(frame, x).pose();
             let posture = &span.degrees.corrected(frame, x);
@@ -194,7 +195,7 @@ impl System {
     }
 
     /// Fills H and g at `x`; gives the cost there.
-    fn assemble(&mut self, span: &Span, ready: &[Frame], terms: &[Vec<Term>], x: &[f64]) -> f64 {
+    fn assemble(&mut self, span: &Span, ready: &[BasePosture], terms: &[Vec<Term>], x: &[f64]) -> f64 {
         let n = self.stiffness.len();
         self.hessian.clear();
         self.gradient.fill(0.0);
@@ -206,7 +207,7 @@ impl System {
                 *self.hessian.at(base + i, base + i) += stiffness;
                 self.gradient[base + i] += stiffness * x[i];
             }
-            let limit = self.weight(1.0 / LIMIT);
+            let limit = self.weight(1.0 / LIMIT_SIGMA);
             for beyond in span.degrees.beyond_limits(frame, x) {
                 for i in 0..beyond.size {
                     let scaled = beyond.direction[i] * limit * limit;
@@ -257,7 +258,7 @@ impl System {
         self.cost(span, ready, terms, x)
     }
 
-    /// The step for a damping of `damping` times the stiffness, no longer than [`LARGEST_STEP`] in any number.
+    /// The step for a damping of `damping` times the stiffness, no longer than [`MOST_STEP`] in any number.
     fn step(&mut self, damping: f64, n: usize) -> Option<Vec<f64>> {
         self.factor.clone_from(&self.hessian);
         for i in 0..self.gradient.len() {
@@ -269,8 +270,8 @@ impl System {
         let mut step: Vec<f64> = self.gradient.iter().map(|g| -g).collect();
         self.factor.solve(&mut step);
         let largest = step.iter().fold(0.0f64, |a, s| a.max(s.abs()));
-        if largest > LARGEST_STEP {
-            step.iter_mut().for_each(|s| *s *= LARGEST_STEP / largest);
+        if largest > MOST_STEP {
+            step.iter_mut().for_each(|s| *s *= MOST_STEP / largest);
         }
         Some(step)
     }
@@ -309,7 +310,7 @@ mod tests {
             posture.rotations[Joint::RightForeArm.index()] = Quat::from_rotation_z(0.8);
             posture.rotations[Joint::LeftForeArm.index()] = Quat::from_rotation_z(-0.8);
             let postures = [posture; 3];
-            let degrees = Degrees::for_joints(&[Joint::RightHand], &[]);
+            let degrees = DegreesOfFreedom::for_joints(&[Joint::RightHand], &[]);
             let hand = Joint::RightHand;
             let terms = vec![vec![
                 Term::Point { joint: hand, offset: Vec3::X * 0.1, target: Vec3::new(-0.3, -0.3, 1.2), sigma: Vec3::new(0.1, 0.2, 0.3) },
@@ -318,7 +319,7 @@ mod tests {
                 Term::Balance { target: Vec2::new(0.2, 0.1), sigma: 0.2, most: 9.0 },
             ]; 3];
             let span = Span { postures: &postures, joins: [true, false], degrees: &degrees, terms: &terms, surfaces: None, spread: 1.5 };
-            let ready: Vec<Frame> = postures.iter().map(|p| degrees.frame(p)).collect();
+            let ready: Vec<BasePosture> = postures.iter().map(|p| degrees.frame(p)).collect();
             let mut system = System::new(&span);
             let x: Vec<f64> = (0..3 * degrees.count()).map(|i| x[i % x.len()]).collect();
             let cost = system.assemble(&span, &ready, &terms, &x);
@@ -339,7 +340,7 @@ mod tests {
     #[test]
     fn a_single_pin_is_met_and_fades_away() {
         let postures = vec![Posture::default(); 61];
-        let degrees = Degrees::for_joints(&[Joint::LeftHand], &[]);
+        let degrees = DegreesOfFreedom::for_joints(&[Joint::LeftHand], &[]);
         let start = postures[0].pose().position(Joint::LeftHand);
         let target = start + Vec3::new(-0.25, -0.2, -0.1);
         let mut terms = vec![Vec::new(); 61];
@@ -355,7 +356,7 @@ mod tests {
             degrees: &degrees,
             terms: &terms,
             surfaces: None,
-            spread: SPREAD,
+            spread: FADE_FRAMES,
         };
         let out = correct(&span, &Progress::new()).expect("a correction");
         let hands: Vec<Vec3> = out.iter().map(|p| p.pose().position(Joint::LeftHand)).collect();

@@ -10,8 +10,8 @@ mod finish;
 mod term;
 mod touch;
 
-pub(crate) use degrees::Degrees;
+pub(crate) use degrees::DegreesOfFreedom;
 pub(crate) use feet::{FootPlaces, FootPlan, is_supported};
-pub(crate) use finish::{SPREAD, Span, correct};
+pub(crate) use finish::{FADE_FRAMES, Span, correct};
 pub(crate) use term::{Term, centre_of_mass};
 pub(crate) use touch::Surfaces;

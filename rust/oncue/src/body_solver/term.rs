@@ -7,7 +7,7 @@ use crate::math::rotation::{to_angle_axis, wrap_angle, yaw};
 use crate::motion::{Joint, Pose, Posture};
 
 /// σ of a body beyond its balance, metres.
-const FALLS: f32 = 2e-4;
+const BALANCE_SIGMA: f32 = 2e-4;
 
 /// Something that one frame's posture should meet. σ is the miss that weighs as much as a joint turned by its ease.
 #[derive(Debug, Clone, Copy)]
@@ -28,7 +28,7 @@ pub(crate) enum Term {
 
 /// Share of the body's weight that hangs on each joint (after Winter, Biomechanics and Motor Control of Human Movement,
 /// table 4.1; a segment's share is given to the joint nearest its middle).
-const WEIGHTS: [(Joint, f32); 11] = [
+const WEIGHT_SHARES: [(Joint, f32); 11] = [
     (Joint::Hips, 0.19),
     (Joint::Spine1, 0.17),
     (Joint::Spine2, 0.18),
@@ -44,7 +44,7 @@ const WEIGHTS: [(Joint, f32); 11] = [
 
 /// Where the body's weight is, on the floor.
 pub(crate) fn centre_of_mass(pose: &Pose) -> Vec2 {
-    WEIGHTS.iter().map(|&(joint, share)| pose.position(joint).truncate() * share).sum()
+    WEIGHT_SHARES.iter().map(|&(joint, share)| pose.position(joint).truncate() * share).sum()
 }
 
 /// One number that should be zero.
@@ -90,7 +90,7 @@ impl Row {
                     let turns = !column.shifts && column.joint == joint;
                     if turns { direction.dot(column.axis) } else { 0.0 }
                 }
-                Moved::Mass { direction } => WEIGHTS
+                Moved::Mass { direction } => WEIGHT_SHARES
                     .iter()
                     .map(|&(j, share)| share * lever(column, j.index(), pose.position(j), direction))
                     .sum(),
@@ -150,7 +150,7 @@ pub(super) fn rows(term: &Term, posture: &Posture, pose: &Pose, mut give: impl F
             let over = miss.length() - most;
             if over > 0.0 {
                 let direction = (miss / miss.length()).extend(0.0);
-                give(row(over, FALLS, Moved::Mass { direction }));
+                give(row(over, BALANCE_SIGMA, Moved::Mass { direction }));
             }
             give(row(miss.x, sigma, Moved::Mass { direction: Vec3::X }));
             give(row(miss.y, sigma, Moved::Mass { direction: Vec3::Y }));

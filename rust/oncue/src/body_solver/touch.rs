@@ -10,13 +10,13 @@ use crate::motion::{Joint, Pose, Posture};
 use crate::scene::SceneIndex;
 
 /// Half a thigh's thickness and half the trunk's depth, metres: those of the box nodes B.
-const THIGH: f32 = 0.05;
-const BACK: f32 = 0.08;
+const THIGH_RADIUS: f32 = 0.05;
+const BACK_DEPTH: f32 = 0.08;
 /// σ of thighs in the seat and of the back in the backrest, metres.
-const TOUCH: f32 = 2e-3;
+const TOUCH_SIGMA: f32 = 2e-3;
 /// A seat that the body is deeper in than this is not looked for, metres: what lies higher over a thigh's underside is a desk
 /// or an armrest above the thigh, and a thigh that was lifted on it would pass through it.
-const DEEPEST: f32 = 0.08;
+const DEEPEST_SEAT: f32 = 0.08;
 /// Places along a thigh, as shares of its length, that the seat is looked for under.
 const UNDER_THIGH: [f32; 4] = [0.2, 0.45, 0.7, 0.9];
 const BACK_JOINTS: [Joint; 3] = [Joint::Spine1, Joint::Spine2, Joint::Neck];
@@ -39,14 +39,20 @@ impl Surfaces<'_> {
             for (offset, point) in under_thigh(pose, side) {
                 if let Some(least) = self.under(point) {
                     let joint = LEGS[side][0];
-                    out.push(Term::Plane { joint, offset, normal: Vec3::Z, least, sigma: TOUCH });
+                    out.push(Term::Plane { joint, offset, normal: Vec3::Z, least, sigma: TOUCH_SIGMA });
                 }
             }
         }
         let normal = ahead(pose);
         for joint in BACK_JOINTS {
             if let Some(least) = self.behind(pose, joint) {
-                out.push(Term::Plane { joint, offset: Vec3::Y * BACK, normal, least, sigma: TOUCH });
+                out.push(Term::Plane {
+                    joint,
+                    offset: Vec3::Y * BACK_DEPTH,
+                    normal,
+                    least,
+                    sigma: TOUCH_SIGMA,
+                });
             }
         }
     }
@@ -60,7 +66,7 @@ impl Surfaces<'_> {
     /// How deep the back is in the backrest, metres.
     pub(crate) fn back_depth(&self, pose: &Pose) -> f32 {
         let depth = |joint: Joint| {
-            let point = pose.position(joint) + pose.rotation(joint) * (Vec3::Y * BACK);
+            let point = pose.position(joint) + pose.rotation(joint) * (Vec3::Y * BACK_DEPTH);
             self.behind(pose, joint).map_or(0.0, |least| least - ahead(pose).dot(point))
         };
         BACK_JOINTS.into_iter().map(depth).fold(0.0, f32::max)
@@ -68,15 +74,15 @@ impl Surfaces<'_> {
 
     /// World z of the surface that a point under a thigh is in, or stands on.
     fn under(&self, point: Vec3) -> Option<f32> {
-        let from = point + Vec3::Z * DEEPEST;
-        self.scene.ray(from, Vec3::NEG_Z, DEEPEST + 0.02).map(|t| from.z - t)
+        let from = point + Vec3::Z * DEEPEST_SEAT;
+        self.scene.ray(from, Vec3::NEG_Z, DEEPEST_SEAT + 0.02).map(|t| from.z - t)
     }
 
     /// How far ahead the surface behind a joint of the back is.
     fn behind(&self, pose: &Pose, joint: Joint) -> Option<f32> {
         let ahead = ahead(pose);
         let from = pose.position(joint) + ahead * 0.04;
-        self.scene.ray(from, -ahead, 0.04 + BACK + 0.02).map(|t| ahead.dot(from) - t)
+        self.scene.ray(from, -ahead, 0.04 + BACK_DEPTH + 0.02).map(|t| ahead.dot(from) - t)
     }
 }
 
@@ -84,7 +90,7 @@ impl Surfaces<'_> {
 fn under_thigh(pose: &Pose, side: usize) -> impl Iterator<Item = (Vec3, Vec3)> + '_ {
     let joint = LEGS[side][0];
     UNDER_THIGH.into_iter().map(move |along| {
-        let offset = Vec3::new(0.0, THIGH, -along * LEG_LENGTH);
+        let offset = Vec3::new(0.0, THIGH_RADIUS, -along * LEG_LENGTH);
         (offset, pose.position(joint) + pose.rotation(joint) * offset)
     })
 }

@@ -13,7 +13,7 @@ use crate::progress::Progress;
 use crate::settings::PpoSettings;
 
 /// Parameters that one thread takes at a time where they are added up.
-const SLICE: usize = 1 << 15;
+const GRADIENT_SLICE: usize = 1 << 15;
 
 /// Returns are divided by this before the value network learns them.
 const VALUE_SCALE: f32 = 10.0;
@@ -130,7 +130,7 @@ impl Ppo {
 }
 
 fn add(a: &mut [f32], b: &[f32]) {
-    a.par_chunks_mut(SLICE).zip(b.par_chunks(SLICE)).for_each(|(a, b)| {
+    a.par_chunks_mut(GRADIENT_SLICE).zip(b.par_chunks(GRADIENT_SLICE)).for_each(|(a, b)| {
         a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
     });
 }

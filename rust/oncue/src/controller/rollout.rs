@@ -16,7 +16,7 @@ use crate::nn::Activations;
 use crate::progress::Progress;
 
 /// Episodes that one group plays side by side.
-const GROUP: usize = 32;
+const GROUP_EPISODES: usize = 32;
 /// Groups.
 const GROUPS: usize = 8;
 
@@ -80,7 +80,7 @@ impl Rollout {
             .map(|g| {
                 let mut rng =
                     Pcg64::seed_from_u64(seed ^ (0x9E37_79B9_7F4A_7C15u64.wrapping_mul(g as u64 + 1)));
-                let slots = (0..GROUP).map(|_| Slot::begin(environments, &mut rng)).collect();
+                let slots = (0..GROUP_EPISODES).map(|_| Slot::begin(environments, &mut rng)).collect();
                 Group { slots, rng }
             })
             .collect();
@@ -95,7 +95,7 @@ impl Rollout {
         count: usize,
         progress: &Progress,
     ) -> Tuples {
-        let steps = count.div_ceil(GROUP * GROUPS);
+        let steps = count.div_ceil(GROUP_EPISODES * GROUPS);
         let map = policy.normalizer.map();
         let parts: Vec<Vec<Tuples>> = self
             .groups
@@ -140,8 +140,8 @@ impl Group {
     ) -> Vec<Tuples> {
         let size = policy.state_size();
         let width = TYPE_COUNT + policy.vector_size();
-        let mut out: Vec<Tuples> = (0..GROUP).map(|_| Tuples::default()).collect();
-        let mut states = vec![0.0; GROUP * size];
+        let mut out: Vec<Tuples> = (0..GROUP_EPISODES).map(|_| Tuples::default()).collect();
+        let mut states = vec![0.0; GROUP_EPISODES * size];
         let mut activations = Activations::default();
         let gaussian = Gaussian::of(&policy.log_std);
         for step in 0..=steps {
@@ -164,7 +164,7 @@ impl Group {
                 tuples.states.extend_from_slice(state);
             }
             Policy::normalize(&mut states, map);
-            let means = policy.means(&states, GROUP, &mut activations);
+            let means = policy.means(&states, GROUP_EPISODES, &mut activations);
             for (i, observation) in observations.iter().enumerate() {
                 let mean: Vec<f32> = means[i * width..(i + 1) * width]
                     .iter()

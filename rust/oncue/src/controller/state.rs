@@ -21,7 +21,7 @@ use crate::settings::StateSettings;
 use crate::synthesizer::Character;
 
 /// This near to where one stands before a seat that is entered from its side one turns the back to it, metres.
-const ARRIVED: f32 = 0.25;
+const ARRIVAL_DISTANCE: f32 = 0.25;
 
 /// A sit or stop that would be possible now.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,7 +49,7 @@ pub struct Observation {
 
 /// Length of s_t.
 pub(crate) fn state_size(settings: &StateSettings) -> usize {
-    let body = BODY_SIZE + if settings.joint_rotations { 2 * ROTATIONS } else { 0 };
+    let body = BODY_SIZE + if settings.joint_rotations { 2 * ROTATION_NUMBERS } else { 0 };
     let scene = settings.view_cells.pow(2) * settings.view_spacing.len()
         + if settings.scene_position { 2 } else { 0 };
     body + scene + INTERACTION_SIZE + if settings.clear_path { PATH_SIZE } else { 0 }
@@ -62,12 +62,12 @@ impl Environment<'_> {
     }
 }
 
-const ROTATIONS: usize = 6 * (JOINT_COUNT - 1);
+const ROTATION_NUMBERS: usize = 6 * (JOINT_COUNT - 1);
 /// θ_up, h, p_e and its velocity, contacts, root velocity.
 const BODY_SIZE: usize = 1 + 1 + 15 + 15 + 2 + 2;
 /// Way left, points on it, and the facing at its end.
-const PATH_SIZE: usize = 1 + 2 * AHEAD.len() + 2;
-const AHEAD: [f32; 3] = [0.5, 1.0, 2.0];
+const PATH_SIZE: usize = 1 + 2 * WAY_AHEAD.len() + 2;
+const WAY_AHEAD: [f32; 3] = [0.5, 1.0, 2.0];
 /// Cue: place (near and far scale), facing, height, distance; the open action; the type asked for.
 const INTERACTION_SIZE: usize = 2 + 2 + 2 + 1 + 1 + 5 + ActionType::CUE_COUNT;
 
@@ -153,18 +153,20 @@ pub(crate) fn observe(
     let stride = settings.signal.pace * (remaining / 0.6).clamp(0.35, 1.0);
     let follows = settings.state.clear_path || settings.signal.propose_clear_path;
     let [stride_end, beyond, way @ ..] = if follows {
-        environment.path.points_ahead(here.position, [stride, stride + 0.3, AHEAD[0], AHEAD[1], AHEAD[2]])
+        environment
+            .path
+            .points_ahead(here.position, [stride, stride + 0.3, WAY_AHEAD[0], WAY_AHEAD[1], WAY_AHEAD[2]])
     } else {
         [here.position; 5]
     };
     // Only a seat that is entered from its side is faced otherwise than the cue, and only close by does it matter: where
     // the farthest look ahead is the end of the way.
-    let arrival = (follows && remaining < AHEAD[2] && environment.path.from_the_side())
+    let arrival = (follows && remaining < WAY_AHEAD[2] && environment.path.from_the_side())
         .then(|| environment.path.arrival_at(way[2]))
         .flatten();
     if settings.state.clear_path {
         push((remaining / 3.0).min(3.0));
-        for (ahead, point) in AHEAD.into_iter().zip(way) {
+        for (ahead, point) in WAY_AHEAD.into_iter().zip(way) {
             let local = here.point_to_local(point);
             push(local.x / ahead);
             push(local.y / ahead);
@@ -264,7 +266,7 @@ fn propose(
     let ahead = if way.remaining.is_finite() { way.stride_end } else { environment.path.goal() };
     let local = here.point_to_local(ahead);
     let arrived = match way.arrival {
-        Some(arrival) => here.position.distance(arrival.position) < ARRIVED,
+        Some(arrival) => here.position.distance(arrival.position) < ARRIVAL_DISTANCE,
         None => way.remaining < 0.45,
     };
     let facing = if arrived {

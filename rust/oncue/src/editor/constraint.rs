@@ -46,9 +46,9 @@ const SAME_TURN: f32 = 5e-3;
 /// Nothing is placed farther from the origin, metres.
 const FARTHEST_PLACE: f32 = 1e5;
 /// A target moves at most so far from one frame to the next, metres: 4 m/s, a fast reach.
-const LARGEST_STEP: f32 = 0.134;
+const MOST_PATH_STEP: f32 = 0.134;
 /// And turns at most so far, radians.
-const LARGEST_TURN: f32 = 0.8;
+const MOST_PATH_TURN: f32 = 0.8;
 
 impl Constraint {
     /// A joint at given places.
@@ -131,13 +131,13 @@ impl Constraint {
         check_path(name, self.first_frame, &self.positions)?;
         for (i, pair) in self.rotations.windows(2).enumerate() {
             let turn = angle_between(pair[0], pair[1]);
-            if turn > LARGEST_TURN {
+            if turn > MOST_PATH_TURN {
                 return Err(Error::input(format!(
                     "‘{name}’ turns by {:.0}° between frames {} and {}; a joint turns at most {:.0}° a frame.",
                     turn.to_degrees(),
                     self.first_frame + i,
                     self.first_frame + i + 1,
-                    LARGEST_TURN.to_degrees()
+                    MOST_PATH_TURN.to_degrees()
                 )));
             }
         }
@@ -178,9 +178,9 @@ pub(super) fn check_numbers(motion: &Motion, floor: f32) -> Result<()> {
 pub(super) fn check_path(name: &str, first_frame: usize, path: &[Vec3]) -> Result<()> {
     for (i, pair) in path.windows(2).enumerate() {
         let step = pair[0].distance(pair[1]);
-        if step > LARGEST_STEP {
+        if step > MOST_PATH_STEP {
             return Err(Error::input(format!(
-                "The path of ‘{name}’ jumps by {step:.2} m between frames {} and {}; a hand moves at most {LARGEST_STEP:.2} m a \
+                "The path of ‘{name}’ jumps by {step:.2} m between frames {} and {}; a hand moves at most {MOST_PATH_STEP:.2} m a \
                  frame. Give it more frames or smooth its keys.",
                 first_frame + i,
                 first_frame + i + 1

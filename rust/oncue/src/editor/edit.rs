@@ -10,7 +10,7 @@ use super::constraint::Constraint;
 use super::foot_following::follow;
 use super::latent::{Decoder, Search, SearchFigures, Target, mix, search};
 use crate::body_solver::{
-    Degrees, FootPlan, SPREAD, Span, Surfaces, Term, centre_of_mass, correct, is_supported,
+    DegreesOfFreedom, FADE_FRAMES, FootPlan, Span, Surfaces, Term, centre_of_mass, correct, is_supported,
 };
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
@@ -22,7 +22,7 @@ use crate::settings::EditorSettings;
 
 /// An edited motion, and how its constraints were met.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Edited {
+pub struct EditedMotion {
     /// The motion after the edit.
     pub motion: Motion,
     /// What the edit did.
@@ -78,13 +78,13 @@ pub struct ConstraintFigures {
 }
 
 /// σ of a hard constraint, metres and radians: met to a fraction of a millimetre where the body can.
-const HARD: (f32, f32) = (2e-4, 1e-3);
+const DEMAND_SIGMA: (f32, f32) = (2e-4, 1e-3);
 /// The weight of a standing person shifts no farther than this from where it was, metres: half of a foot's length.
 const BALANCE: f32 = 0.11;
 /// σ of the way to a constraint, metres.
-const WAY: f32 = 0.02;
+const WAY_SIGMA: f32 = 0.02;
 /// σ of a wish.
-const SOFT: (f32, f32) = (0.04, 0.15);
+const WISH_SIGMA: (f32, f32) = (0.04, 0.15);
 /// A constraint this early (frames) may change the motion's first frame.
 const EARLY: usize = 12;
 
@@ -133,7 +133,8 @@ impl<'a> Edit<'a> {
     /// On the way to a constraint and back, and from one to the next, a joint moves as a reaching hand does: with the least
     /// jerk (Flash & Hogan 1985). Gives that way's places as wishes, with their frames.
     fn ways(&self) -> Vec<(usize, Term)> {
-        let wish = |joint, offset, target| Term::Point { joint, offset, target, sigma: Vec3::splat(WAY) };
+        let wish =
+            |joint, offset, target| Term::Point { joint, offset, target, sigma: Vec3::splat(WAY_SIGMA) };
         let mut out: Vec<_> = self
             .pelvis_way
             .iter()
@@ -199,7 +200,7 @@ impl<'a> Edit<'a> {
     }
 
     /// Runs the edit; frames outside the span are those of the motion, bit for bit.
-    pub(super) fn run<D: Decoder>(&self, decoder: Option<&D>, progress: &Progress) -> Result<Edited> {
+    pub(super) fn run<D: Decoder>(&self, decoder: Option<&D>, progress: &Progress) -> Result<EditedMotion> {
         let began = Instant::now();
         progress.stage("Editing the motion");
         let (base, figures) = match decoder.filter(|_| self.settings.manifold) {
@@ -238,7 +239,7 @@ impl<'a> Edit<'a> {
             search: figures,
             seconds: began.elapsed().as_secs_f32(),
         };
-        Ok(Edited { motion, figures })
+        Ok(EditedMotion { motion, figures })
     }
 
     /// Whether a foot of that frame is asked to be somewhere; what it stands on there is not known.
@@ -324,12 +325,12 @@ impl<'a> Edit<'a> {
             degrees: &degrees,
             terms: &terms,
             surfaces: self.surfaces,
-            spread: SPREAD,
+            spread: FADE_FRAMES,
         };
         correct(&span, progress)
     }
 
-    pub(super) fn degrees(&self) -> Degrees {
+    pub(super) fn degrees(&self) -> DegreesOfFreedom {
         let joints: Vec<Joint> =
             self.constraints.iter().map(|c| c.joint).chain(self.exact.iter().map(|e| e.1)).collect();
         let turned: Vec<Joint> = self
@@ -339,7 +340,7 @@ impl<'a> Edit<'a> {
             .map(|c| c.joint)
             .chain(self.exact.iter().map(|e| e.1))
             .collect();
-        Degrees::for_joints(&joints, &turned)
+        DegreesOfFreedom::for_joints(&joints, &turned)
     }
 
     /// Everything that one frame should meet.
@@ -369,7 +370,7 @@ impl<'a> Edit<'a> {
         }
         self.free_terms(&pose, supported, &mut out);
         for c in self.constraints {
-            let (place, turn) = if c.soft { SOFT } else { HARD };
+            let (place, turn) = if c.soft { WISH_SIGMA } else { DEMAND_SIGMA };
             if let Some(target) = c.position(frame) {
                 let sigma = Vec3::splat(place);
                 out.push(Term::Point { joint: c.joint, offset: c.offset, target, sigma });

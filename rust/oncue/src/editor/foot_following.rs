@@ -9,9 +9,9 @@ use crate::body_solver::FootPlan;
 use crate::library::foot::LEGS;
 
 /// A planted foot that has to be farther elsewhere than this steps there, metres.
-const STEPS: f32 = 0.004;
+const STEPPING_DISTANCE: f32 = 0.004;
 /// How high such a step lifts the foot, as a share of its way.
-const STEP_LIFT: f32 = 0.25;
+const LIFT_SHARE: f32 = 0.25;
 /// Gives way to constraints that ask for a foot to be elsewhere: around them the foot steps there and back, as `fade`
 /// (0 to 1 over the frames of `span`) has it.
 pub(super) fn follow(
@@ -40,11 +40,11 @@ pub(super) fn follow(
                     foot.sigma = 0.3;
                     continue;
                 }
-                if away.length() > STEPS && weight > 0.0 && weight < 1.0 {
+                if away.length() > STEPPING_DISTANCE && weight > 0.0 && weight < 1.0 {
                     foot.planted = false;
                     foot.sigma = foot.sigma.max(0.02);
                 }
-                let lift = STEP_LIFT * away.truncate().length() * 4.0 * weight * (1.0 - weight);
+                let lift = LIFT_SHARE * away.truncate().length() * 4.0 * weight * (1.0 - weight);
                 let moved = away * weight + Vec3::Z * lift;
                 foot.ankle += moved;
                 foot.toe += moved;

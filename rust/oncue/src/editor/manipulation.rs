@@ -36,7 +36,7 @@ const STILL: f32 = 0.004;
 /// For a cue nobody waits longer than this, seconds: a range so late is a slip of the keyboard.
 const LONGEST_WAIT: f32 = 120.0;
 /// No palm gets farther from the pelvis than this, metres: a trunk, an arm and a hand, stretched.
-const FARTHEST: f32 = 1.33;
+const FARTHEST_PALM: f32 = 1.33;
 
 /// Where a cue's path came to lie in the motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -77,13 +77,13 @@ pub fn check_manipulations(task: &Task) -> Result<()> {
         let pelvis = task.cue.position.with_z(task.cue.pelvis_height().unwrap_or(standing));
         // Of a stop only the place on the floor is sure: who stands bends to what lies low.
         let far = cue.path.iter().map(|p| p.distance(pelvis)).fold(0.0, f32::max);
-        if far > FARTHEST {
+        if far > FARTHEST_PALM {
             return Err(Error::Unreachable(format!(
                 "‘{}’ lies up to {far:.2} m from where ‘{}’ puts the pelvis, {:.2} m farther than a hand gets; move one \
                  towards the other.",
                 cue.name,
                 task.cue.name,
-                far - FARTHEST
+                far - FARTHEST_PALM
             )));
         }
     }

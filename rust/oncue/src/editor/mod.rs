@@ -19,13 +19,13 @@ pub(crate) mod seat;
 pub(crate) mod task;
 
 pub use constraint::{Constraint, check_constraints};
-pub use edit::{ConstraintFigures, EditFigures, Edited};
+pub use edit::{ConstraintFigures, EditFigures, EditedMotion};
 pub use latent::{SearchFigures, manifold_distance};
 pub use manipulation::{Manipulated, ManipulationFigures, check_manipulations, lengthened, manipulate};
 pub use plain_ik::plain_ik;
 pub use resolve::{Key, Wishes};
 pub use seat::{Seat, SeatFigures, SeatFit};
-pub use task::{EditedFigures, edit_for_task};
+pub use task::{TaskEditFigures, edit_for_task};
 
 use crate::error::Result;
 use crate::manifold::Manifold;
@@ -47,7 +47,7 @@ pub fn edit_motion(
     manifold: Option<&Manifold>,
     settings: &EditorSettings,
     progress: &Progress,
-) -> Result<Edited> {
+) -> Result<EditedMotion> {
     resolve::resolve(manifold, motion, wishes, settings, progress)
 }
 

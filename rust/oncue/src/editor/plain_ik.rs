@@ -4,9 +4,9 @@
 //! was. Reach and return are blended between the motion and the first and last solved frame.
 
 use super::constraint::{Constraint, check_constraints, check_numbers};
-use super::edit::{EditFigures, Edited, constraint_figures, span};
+use super::edit::{EditFigures, EditedMotion, constraint_figures, span};
 use super::latent::mix;
-use crate::body_solver::{Degrees, Span, Term, correct};
+use crate::body_solver::{DegreesOfFreedom, Span, Term, correct};
 use crate::error::Result;
 use crate::math::curve::smoothstep;
 use crate::motion::{Joint, Motion};
@@ -25,12 +25,12 @@ pub fn plain_ik(
     constraints: &[Constraint],
     settings: &EditorSettings,
     progress: &Progress,
-) -> Result<Edited> {
+) -> Result<EditedMotion> {
     settings.validate()?;
     check_numbers(motion, 0.0)?;
     check_constraints(motion, constraints)?;
     let joints: Vec<Joint> = constraints.iter().map(|c| c.joint).collect();
-    let degrees = Degrees::arm_and_spine(&joints);
+    let degrees = DegreesOfFreedom::arm_and_spine(&joints);
     let frames: Vec<usize> =
         (0..motion.len()).filter(|f| constraints.iter().any(|c| c.frames().contains(f))).collect();
     let terms: Vec<Vec<Term>> = frames
@@ -80,5 +80,5 @@ pub fn plain_ik(
         end_frame: span.end,
         ..Default::default()
     };
-    Ok(Edited { motion: out, figures })
+    Ok(EditedMotion { motion: out, figures })
 }

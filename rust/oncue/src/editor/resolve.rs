@@ -6,7 +6,7 @@ use glam::Quat;
 use serde::{Deserialize, Serialize};
 
 use super::constraint::{Constraint, check_constraints, check_numbers, joint_named};
-use super::edit::{Edit, Edited};
+use super::edit::{Edit, EditedMotion};
 use super::latent::{Decoder, mix};
 use crate::body_solver::Surfaces;
 use crate::error::{Error, Result};
@@ -52,7 +52,7 @@ pub(crate) fn resolve<D: Decoder>(
     wishes: &Wishes,
     settings: &EditorSettings,
     progress: &Progress,
-) -> Result<Edited> {
+) -> Result<EditedMotion> {
     let Wishes { constraints, keys, scene, floor } = *wishes;
     progress.stage("Checking the constraints");
     settings.validate()?;

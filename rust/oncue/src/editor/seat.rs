@@ -9,7 +9,7 @@ use glam::{Quat, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::constraint::{Constraint, check_numbers};
-use super::edit::{Edit, EditFigures, Edited};
+use super::edit::{Edit, EditFigures, EditedMotion};
 use super::latent::Decoder;
 use crate::body_solver::{FootPlan, Span, Surfaces, correct};
 use crate::cue::ActionCue;
@@ -24,20 +24,20 @@ use crate::scene::SceneIndex;
 use crate::settings::EditorSettings;
 
 /// A pelvis farther from its cue than this is not fitted, metres.
-const FARTHEST: f32 = 0.55;
+const FARTHEST_PELVIS: f32 = 0.55;
 /// Longest a leg gets, as a share of its length.
-const LONGEST_LEG: f32 = 0.985;
+const LEG_SHARE: f32 = 0.985;
 /// A foot that stands this near its place is not moved, metres.
 const STANDS: f32 = 0.004;
 /// No one takes longer to sit down, frames.
 const LONGEST_DESCENT: usize = 75;
 /// A swing shorter than this carries no foot elsewhere, frames.
-const SHORTEST_SWING: usize = 8;
+const SHORTEST_SWING_FRAMES: usize = 8;
 /// Seconds of a seated step, and between the two feet's.
 const STEP_SECONDS: f32 = 0.6;
 const STEP_APART: f32 = 0.35;
 /// How high a seated step lifts the foot, metres, and for each metre of its way.
-const STEP_LIFT: (f32, f32) = (0.02, 0.10);
+const SEATED_STEP_LIFT: (f32, f32) = (0.02, 0.10);
 
 /// A foot whose toes are this far over the floor on the last frame hangs, metres.
 const OFF_THE_FLOOR: f32 = 0.04;
@@ -124,7 +124,7 @@ impl Seat<'_> {
         edit.span.start = edit.span.start.min(begins);
         edit.surfaces = self.surfaces();
         edit.check_reach(&constraints, progress)?;
-        let Edited { motion, figures } = edit.run(decoder, progress)?;
+        let EditedMotion { motion, figures } = edit.run(decoder, progress)?;
         let seat = self.figures(&motion, settled.hangs);
         if seat.thigh_cm > DEEPEST_THIGH && self.cue.feet.iter().any(Option::is_some) {
             return Err(Error::Unreachable(format!(
@@ -143,9 +143,9 @@ impl Seat<'_> {
             Error::input(format!("The motion ends before anyone sits at ‘{}’.", self.cue.name))
         })?;
         let away = seated.root_position.distance(self.cue.position);
-        if away > FARTHEST {
+        if away > FARTHEST_PELVIS {
             return Err(Error::Unreachable(format!(
-                "The motion sits down {away:.2} m from ‘{}’; at most {FARTHEST:.2} m can be fitted. Synthesize it anew.",
+                "The motion sits down {away:.2} m from ‘{}’; at most {FARTHEST_PELVIS:.2} m can be fitted. Synthesize it anew.",
                 self.cue.name
             )));
         }
@@ -288,7 +288,7 @@ impl Seat<'_> {
                 hold(motion, &mut plan, &mut contacts);
             }
             let reached = place.ankle.distance(from.ankle);
-            let height = if lifts { STEP_LIFT.0 + STEP_LIFT.1 * reached } else { 0.0 };
+            let height = if lifts { SEATED_STEP_LIFT.0 + SEATED_STEP_LIFT.1 * reached } else { 0.0 };
             let toe = JOINT_OFFSET[LEGS[side][3].index()];
             let first = plan.feet[begin][side];
             for frame in begin..plan.feet.len() {
@@ -337,10 +337,10 @@ impl Seat<'_> {
     fn share_before_sitting(&self, motion: &Motion, plan: &FootPlan, side: usize, shift: Vec2) -> f32 {
         let Some(swing) = plan.last_swing(side, self.complete) else { return 0.0 };
         let stands = swing.end..self.complete;
-        if stands.is_empty() || swing.start == 0 || swing.len() < SHORTEST_SWING {
+        if stands.is_empty() || swing.start == 0 || swing.len() < SHORTEST_SWING_FRAMES {
             return 0.0;
         }
-        let longest = 2.0 * LEG_LENGTH * LONGEST_LEG;
+        let longest = 2.0 * LEG_LENGTH * LEG_SHARE;
         let reaches = |share: f32| {
             stands.clone().all(|frame| {
                 let hip = motion.postures[frame].pose().position(LEGS[side][0]);

@@ -18,7 +18,7 @@ use crate::settings::EditorSettings;
 
 /// What E did to the controller's motion.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct EditedFigures {
+pub struct TaskEditFigures {
     /// How the person sits after the seat fit; `None` for a stop, and where the fit was impossible.
     pub seat: Option<SeatFigures>,
     /// Where the manipulation cues came to lie in the motion.
@@ -46,11 +46,11 @@ pub fn edit_for_task(
     manifold: Option<&Manifold>,
     settings: &EditorSettings,
     progress: &Progress,
-) -> Result<EditedFigures> {
+) -> Result<TaskEditFigures> {
     let began = Instant::now();
     settings.validate()?;
     let floor = task.start.position.z;
-    let mut out = EditedFigures { complete_frame: complete, ..Default::default() };
+    let mut out = TaskEditFigures { complete_frame: complete, ..Default::default() };
     if task.cue.action_type.spec().fit == Fit::Seat {
         let seat = Seat { motion, cue: &task.cue, complete, scene: Some(scene), floor, settings };
         match seat.fit(manifold, progress) {

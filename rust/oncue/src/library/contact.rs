@@ -22,7 +22,7 @@ const NEAR_HEIGHT: f32 = 0.04;
 /// … unless its toe flies by: swinging toes pass low, at 3 m/s.
 const NEAR_SPEED: f32 = 1.0;
 /// Shorter plants and shorter gaps are noise, frames.
-const SHORTEST: usize = 3;
+const SHORTEST_PLANT: usize = 3;
 
 /// Foot contact of every frame: `[left, right]`, 1 while the toe is planted, 0.5 while toe or heel is near the floor.
 ///
@@ -80,7 +80,8 @@ fn planted_frames(toes: &[Vec3]) -> Vec<bool> {
     for (first, end) in runs(&planted, true) {
         match last {
             Some((start, before))
-                if first - before < SHORTEST && toes[start].distance(toes[end - 1]) < 1.5 * STAY_RADIUS =>
+                if first - before < SHORTEST_PLANT
+                    && toes[start].distance(toes[end - 1]) < 1.5 * STAY_RADIUS =>
             {
                 planted[before..first].fill(true);
                 last = Some((start, end));
@@ -98,7 +99,7 @@ fn planted_frames(toes: &[Vec3]) -> Vec<bool> {
         planted[end - left..end].fill(false);
     }
     for (first, end) in runs(&planted, true) {
-        if end - first < SHORTEST && first > 0 && end < count {
+        if end - first < SHORTEST_PLANT && first > 0 && end < count {
             planted[first..end].fill(false);
         }
     }

@@ -58,9 +58,9 @@ pub struct GivesWay {
 }
 
 /// What even a frame with both feet planted takes: the pelvis can move a little over standing feet.
-const PLANTED: f32 = 0.06;
+const PLANTED_SHARE: f32 = 0.06;
 /// Frames to either side over which that is spread, so that the pelvis is not pushed from one frame to the next.
-const SPREAD: usize = 5;
+const SPREAD_FRAMES: usize = 5;
 
 /// The search index of one action type.
 #[derive(Debug, Clone, Default)]
@@ -145,7 +145,7 @@ const ENTER_BEFORE: u16 = 18;
 /// …and at the earliest this many before the pelvis is on the seat (the released sit clips are 85 frames long).
 const ENTER_WITHIN: u16 = 100;
 /// The pelvis rests: it is no more than this higher than in the end, metres.
-const RESTS: f32 = 0.015;
+const REST_HEIGHT: f32 = 0.015;
 
 impl MotionDatabase {
     /// Computes the features of every frame and builds the indices.
@@ -301,7 +301,7 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
         let completion = segment.label.completion();
         let complete = segment.complete.min(count.saturating_sub(1));
         let height = |f: usize| motion.postures[f].root_position.z;
-        let rests = |f: &usize| height(*f) <= height(complete) + RESTS;
+        let rests = |f: &usize| height(*f) <= height(complete) + REST_HEIGHT;
         let (until_complete, until_seated) = match completion {
             Completion::Never => (0, 0),
             Completion::AtItsFrame => (complete.saturating_sub(i), complete.saturating_sub(i)),
@@ -332,12 +332,15 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
         let velocity = features[1][super::feature::VELOCITY..super::feature::UP].to_vec();
         features[0][super::feature::VELOCITY..super::feature::UP].copy_from_slice(&velocity);
     }
-    let swing: Vec<f32> =
-        frames.iter().map(|f| PLANTED + f.contact.iter().map(|c| 1.0 - c).sum::<f32>().min(1.0)).collect();
+    let swing: Vec<f32> = frames
+        .iter()
+        .map(|f| PLANTED_SHARE + f.contact.iter().map(|c| 1.0 - c).sum::<f32>().min(1.0))
+        .collect();
     let stands: Vec<f32> =
         frames.iter().zip(&swing).map(|(f, s)| if f.until_seated > 0 { *s } else { 0.0 }).collect();
-    for (frame, (turn, shift)) in
-        frames.iter_mut().zip(softened(&swing, SPREAD).into_iter().zip(softened(&stands, SPREAD)))
+    for (frame, (turn, shift)) in frames
+        .iter_mut()
+        .zip(softened(&swing, SPREAD_FRAMES).into_iter().zip(softened(&stands, SPREAD_FRAMES)))
     {
         frame.gives_way = GivesWay { turn, shift };
     }

@@ -15,13 +15,13 @@ pub(crate) const LEGS: [[Joint; 4]; 2] = [
 ];
 
 /// A leg stays this much short of straight: about 4° of knee flexion.
-const REACH: f32 = 2.0 * LEG_LENGTH * 0.9995;
+const LONGEST_LEG: f32 = 2.0 * LEG_LENGTH * 0.9995;
 /// A leg may always be this long (17° of knee flexion) …
-const EASY_REACH: f32 = 2.0 * LEG_LENGTH * 0.989;
+const EASY_LEG: f32 = 2.0 * LEG_LENGTH * 0.989;
 /// Toes bend up at most so far from the foot, radians.
 const MOST_TOE_BEND: f32 = 1.0;
 /// Corrections of a planted foot fade in and out over this many frames.
-const BLEND: f32 = 8.0;
+const BLEND_FRAMES: f32 = 8.0;
 
 /// The lowest points of a foot: heel, ball, tip of the toes (on the sole), in the world.
 pub fn sole(pose: &Pose, side: usize) -> [Vec3; 3] {
@@ -43,7 +43,7 @@ pub(crate) fn reach(posture: &mut Posture, pose: &Pose, side: usize, ankle: Vec3
     let hip = pose.position(thigh);
     let to = ankle - hip;
     let Some(direction) = to.try_normalize() else { return };
-    let distance = to.length().clamp(0.15, REACH);
+    let distance = to.length().clamp(0.15, LONGEST_LEG);
     let half_flexion = (distance / (2.0 * LEG_LENGTH)).clamp(-1.0, 1.0).acos();
     let hinge = pose.rotation(thigh) * Vec3::X;
     let Some(hinge) = (hinge - direction * hinge.dot(direction)).try_normalize() else { return };
@@ -135,7 +135,7 @@ fn foot_targets(poses: &[Pose], planted: &[bool], side: usize) -> Vec<FootTarget
     for (first, end) in runs(planted, false) {
         let before = if first > 0 { shift[first - 1] } else { Vec3::ZERO };
         let after = if end < poses.len() { shift[end] } else { Vec3::ZERO };
-        let length = BLEND.min((end - first) as f32 + 1.0);
+        let length = BLEND_FRAMES.min((end - first) as f32 + 1.0);
         for (frame, out) in shift.iter_mut().enumerate().take(end).skip(first) {
             let fade_out = 1.0 - smoothstep((frame + 1 - first) as f32 / length);
             let fade_in = 1.0 - smoothstep((end - frame) as f32 / length);
@@ -205,13 +205,13 @@ fn lift_angle(ball_height: f32, rotation: Quat, arm: Vec3, sign: f32) -> f32 {
     lift.min(1.3)
 }
 
-/// How long a leg may get: as long as it was captured, or [`EASY_REACH`].
+/// How long a leg may get: as long as it was captured, or [`EASY_LEG`].
 ///
 /// Near full extension millimetres of the ankle are many degrees of the knee, so a corrected foot must not
 /// stretch its leg further than the person did.
 fn longest(pose: &Pose, side: usize) -> f32 {
     let [thigh, _, foot, _] = LEGS[side];
-    pose.position(thigh).distance(pose.position(foot)).clamp(EASY_REACH, REACH)
+    pose.position(thigh).distance(pose.position(foot)).clamp(EASY_LEG, LONGEST_LEG)
 }
 
 /// How far a hip must come down for its ankle to be within `longest`.
@@ -251,7 +251,7 @@ mod tests {
             let foot = Quat::from_rotation_z(yaw + 0.2);
             reach(&mut posture, &pose, side, ankle, foot);
             let after = posture.pose();
-            if ankle.distance(pose.position(LEGS[side][0])) < REACH {
+            if ankle.distance(pose.position(LEGS[side][0])) < LONGEST_LEG {
                 prop_assert!(after.position(LEGS[side][2]).distance(ankle) < 1e-4);
             }
             prop_assert!(angle_between(after.rotation(LEGS[side][2]), foot) < 1e-4);

@@ -23,9 +23,9 @@ const STILL_FRAMES: usize = 12;
 /// A trunk bent further than this is picking something up, radians.
 const BENT_TRUNK: f32 = 0.70;
 /// Shorter stretches of walking or standing join their neighbours, frames.
-const SHORTEST: usize = 8;
+const SHORTEST_STRETCH: usize = 8;
 /// Frames kept after an action is complete: the settling.
-const SETTLE: usize = 10;
+const SETTLE_FRAMES: usize = 10;
 
 /// What is measured in one frame.
 struct Signal {
@@ -135,12 +135,12 @@ fn signals(motion: &Motion) -> Vec<Signal> {
         .collect()
 }
 
-/// Stretches of walking or standing shorter than [`SHORTEST`] take their neighbour's label.
+/// Stretches of walking or standing shorter than [`SHORTEST_STRETCH`] take their neighbour's label.
 fn join_short(labels: &mut [ActionLabel]) {
     let mut frame = 0;
     while frame < labels.len() {
         let end = (frame..labels.len()).find(|&f| labels[f] != labels[frame]).unwrap_or(labels.len());
-        if end - frame < SHORTEST {
+        if end - frame < SHORTEST_STRETCH {
             let neighbour = if frame > 0 { Some(labels[frame - 1]) } else { labels.get(end).copied() };
             if let Some(neighbour) = neighbour {
                 labels[frame..end].fill(neighbour);
@@ -216,7 +216,7 @@ fn mark_sits(labels: &mut [ActionLabel], signals: &[Signal], segments: &mut Vec<
             let descent =
                 (free_from..complete).rev().find(|&f| height(f) > stand_before - 0.04).unwrap_or(free_from);
             let begin = free_from.max(descent.saturating_sub(30));
-            let sit_end = (complete + 1 + SETTLE).min(end);
+            let sit_end = (complete + 1 + SETTLE_FRAMES).min(end);
             segments.push(Segment { label: ActionLabel::Sit, first: begin, end: sit_end, complete });
             idle_from = sit_end;
         }
@@ -229,7 +229,7 @@ fn mark_sits(labels: &mut [ActionLabel], signals: &[Signal], segments: &mut Vec<
                 .find(|&f| height(f) > stand_after - 0.04 && signals[f].lean < 0.35)
                 .unwrap_or(until - 1);
             idle_end = leave.saturating_sub(8).max(idle_from);
-            let up_end = (complete + 1 + SETTLE).min(until);
+            let up_end = (complete + 1 + SETTLE_FRAMES).min(until);
             segments.push(Segment { label: ActionLabel::StandUp, first: idle_end, end: up_end, complete });
             free_from = up_end;
         } else {
@@ -260,7 +260,7 @@ fn mark_stops(labels: &mut [ActionLabel], signals: &[Signal], segments: &mut Vec
         let idle_end = (complete..count).find(|&f| labels[f] != ActionLabel::Idle).unwrap_or(count);
         let fastest =
             (walk.max(complete.saturating_sub(60))..complete).map(|f| signals[f].speed).fold(0.0, f32::max);
-        if idle_end - complete < SHORTEST || fastest < 0.4 {
+        if idle_end - complete < SHORTEST_STRETCH || fastest < 0.4 {
             continue;
         }
         let mut lifts: Vec<usize> = (walk.max(1)..complete)
@@ -270,10 +270,10 @@ fn mark_stops(labels: &mut [ActionLabel], signals: &[Signal], segments: &mut Vec
         let first = if lifts.len() >= 2 { lifts[lifts.len() - 2] } else { walk };
         let first = first.max(complete.saturating_sub(60)).max(walk);
         // A stop needs something to stop from.
-        if complete - first < SHORTEST {
+        if complete - first < SHORTEST_STRETCH {
             continue;
         }
-        let end = (complete + 1 + SETTLE).min(idle_end);
+        let end = (complete + 1 + SETTLE_FRAMES).min(idle_end);
         labels[first..end].fill(ActionLabel::Stop);
         segments.push(Segment { label: ActionLabel::Stop, first, end, complete });
     }

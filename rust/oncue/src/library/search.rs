@@ -13,9 +13,9 @@ use crate::math::eigen::symmetric_eigen;
 use crate::simd::{Kernel, Level, Simd};
 
 /// Frames in a block.
-const BLOCK: usize = 16;
+const BLOCK_FRAMES: usize = 16;
 /// Blocks in a group.
-const GROUP: usize = 8;
+const GROUP_BLOCKS: usize = 8;
 /// Groups whose bounds are found side by side.
 const RANK: usize = 8;
 /// Components that the boxes span.
@@ -67,8 +67,8 @@ impl SearchIndex {
         let mut basis = principal_directions(&weighted, size);
         basis.resize(components * size, 0.0);
 
-        let blocks = entries.div_ceil(BLOCK);
-        let groups = blocks.div_ceil(GROUP);
+        let blocks = entries.div_ceil(BLOCK_FRAMES);
+        let groups = blocks.div_ceil(GROUP_BLOCKS);
         // Lanes past the end hold a far-away value, so they never win.
         let mut rotated = vec![0.0; entries * components];
         for (y, out) in weighted.chunks_exact(size.max(1)).zip(rotated.chunks_exact_mut(components)) {
@@ -79,13 +79,13 @@ impl SearchIndex {
         let mut entry_at: Vec<u32> = (0..entries as u32).collect();
         sort_as_leaves(&mut entry_at, &rotated, components);
         let mut place_of = vec![0; entries];
-        let mut data = vec![1e15; groups * GROUP * BLOCK * components];
+        let mut data = vec![1e15; groups * GROUP_BLOCKS * BLOCK_FRAMES * components];
         for (place, &entry) in entry_at.iter().enumerate() {
             place_of[entry as usize] = place as u32;
-            let block = &mut data[(place / BLOCK) * BLOCK * components..];
+            let block = &mut data[(place / BLOCK_FRAMES) * BLOCK_FRAMES * components..];
             let y = &rotated[entry as usize * components..(entry as usize + 1) * components];
             for (c, y) in y.iter().enumerate() {
-                block[c * BLOCK + place % BLOCK] = *y;
+                block[c * BLOCK_FRAMES + place % BLOCK_FRAMES] = *y;
             }
         }
         let mut index = Self {
@@ -96,17 +96,17 @@ impl SearchIndex {
             entry_at,
             place_of,
             data,
-            block_lower: vec![f32::INFINITY; groups * BOXED * GROUP],
-            block_upper: vec![f32::NEG_INFINITY; groups * BOXED * GROUP],
+            block_lower: vec![f32::INFINITY; groups * BOXED * GROUP_BLOCKS],
+            block_upper: vec![f32::NEG_INFINITY; groups * BOXED * GROUP_BLOCKS],
             group_lower: vec![f32::INFINITY; groups.next_multiple_of(RANK) * BOXED],
             group_upper: vec![f32::NEG_INFINITY; groups.next_multiple_of(RANK) * BOXED],
         };
         for place in 0..entries {
-            let (block, lane) = (place / BLOCK, place % BLOCK);
-            let group = block / GROUP;
+            let (block, lane) = (place / BLOCK_FRAMES, place % BLOCK_FRAMES);
+            let group = block / GROUP_BLOCKS;
             for c in 0..BOXED {
-                let v = index.data[(block * components + c) * BLOCK + lane];
-                let b = (group * BOXED + c) * GROUP + block % GROUP;
+                let v = index.data[(block * components + c) * BLOCK_FRAMES + lane];
+                let b = (group * BOXED + c) * GROUP_BLOCKS + block % GROUP_BLOCKS;
                 index.block_lower[b] = index.block_lower[b].min(v);
                 index.block_upper[b] = index.block_upper[b].max(v);
                 let g = (group / RANK * BOXED + c) * RANK + group % RANK;
@@ -145,7 +145,7 @@ impl SearchIndex {
         let q = self.project(query);
         let mut best = Match { entry: usize::MAX, cost: f32::INFINITY };
         if let Some(hint) = hint.filter(|h| *h < self.entries) {
-            self.scan_block(self.place_of[hint] as usize / BLOCK, &q, &mut best);
+            self.scan_block(self.place_of[hint] as usize / BLOCK_FRAMES, &q, &mut best);
         }
         let lower = self.group_lower.chunks_exact(BOXED * RANK);
         let upper = self.group_upper.chunks_exact(BOXED * RANK);
@@ -172,10 +172,10 @@ impl SearchIndex {
     pub fn cost(&self, query: &[f32], entry: usize) -> f32 {
         let q = self.project(query);
         let place = self.place_of[entry] as usize;
-        let block = &self.data[(place / BLOCK) * BLOCK * self.components..];
+        let block = &self.data[(place / BLOCK_FRAMES) * BLOCK_FRAMES * self.components..];
         let mut cost = 0.0;
         for (c, q) in q[..self.components].iter().enumerate() {
-            let d = block[c * BLOCK + place % BLOCK] - q;
+            let d = block[c * BLOCK_FRAMES + place % BLOCK_FRAMES] - q;
             cost += d * d;
         }
         cost
@@ -198,22 +198,24 @@ impl SearchIndex {
 
     #[inline(always)]
     fn scan_group(&self, group: usize, q: &[f32; 64], best: &mut Match) {
-        let boxes = group * BOXED * GROUP..(group + 1) * BOXED * GROUP;
-        let bounds: [f32; GROUP] = bounds_of(&self.block_lower[boxes.clone()], &self.block_upper[boxes], q);
+        let boxes = group * BOXED * GROUP_BLOCKS..(group + 1) * BOXED * GROUP_BLOCKS;
+        let bounds: [f32; GROUP_BLOCKS] =
+            bounds_of(&self.block_lower[boxes.clone()], &self.block_upper[boxes], q);
         for (lane, bound) in bounds.into_iter().enumerate() {
             if bound <= best.cost && bound.is_finite() {
-                self.scan_block(group * GROUP + lane, q, best);
+                self.scan_block(group * GROUP_BLOCKS + lane, q, best);
             }
         }
     }
 
     #[inline(always)]
     fn scan_block(&self, block: usize, q: &[f32; 64], best: &mut Match) {
-        let data = &self.data[block * BLOCK * self.components..(block + 1) * BLOCK * self.components];
-        let mut cost = [0.0f32; BLOCK];
-        for (chunk, q) in data.chunks_exact(BLOCK * STRIDE).zip(q.chunks_exact(STRIDE)) {
-            for (row, q) in chunk.chunks_exact(BLOCK).zip(q) {
-                for lane in 0..BLOCK {
+        let data =
+            &self.data[block * BLOCK_FRAMES * self.components..(block + 1) * BLOCK_FRAMES * self.components];
+        let mut cost = [0.0f32; BLOCK_FRAMES];
+        for (chunk, q) in data.chunks_exact(BLOCK_FRAMES * STRIDE).zip(q.chunks_exact(STRIDE)) {
+            for (row, q) in chunk.chunks_exact(BLOCK_FRAMES).zip(q) {
+                for lane in 0..BLOCK_FRAMES {
                     let d = row[lane] - q;
                     cost[lane] += d * d;
                 }
@@ -227,7 +229,7 @@ impl SearchIndex {
             }
         }
         for (lane, &cost) in cost.iter().enumerate() {
-            let Some(&entry) = self.entry_at.get(block * BLOCK + lane) else { break };
+            let Some(&entry) = self.entry_at.get(block * BLOCK_FRAMES + lane) else { break };
             let entry = entry as usize;
             if cost < best.cost || (cost == best.cost && entry < best.entry) {
                 *best = Match { entry, cost };
@@ -270,7 +272,7 @@ fn bounds_of<const BOXES: usize>(lower: &[f32], upper: &[f32], q: &[f32; 64]) ->
 /// Orders `entries` (rows of `rotated`, `components` long) as the leaves of a k-d tree: halved, at a whole
 /// number of blocks, along the boxed component that spreads most.
 fn sort_as_leaves(entries: &mut [u32], rotated: &[f32], components: usize) {
-    if entries.len() <= BLOCK {
+    if entries.len() <= BLOCK_FRAMES {
         entries.sort_unstable();
         return;
     }
@@ -282,7 +284,11 @@ fn sort_as_leaves(entries: &mut [u32], rotated: &[f32], components: usize) {
         high - low
     };
     let widest = (0..BOXED).map(|c| (c, spread(c))).fold((0, -1.0), |a, b| if b.1 > a.1 { b } else { a }).0;
-    let unit = if entries.len() > 2 * BLOCK * GROUP { BLOCK * GROUP } else { BLOCK };
+    let unit = if entries.len() > 2 * BLOCK_FRAMES * GROUP_BLOCKS {
+        BLOCK_FRAMES * GROUP_BLOCKS
+    } else {
+        BLOCK_FRAMES
+    };
     let middle = (entries.len() / 2).next_multiple_of(unit).min((entries.len() - 1) / unit * unit).max(1);
     entries.select_nth_unstable_by(middle, |a, b| {
         value(*a, widest).total_cmp(&value(*b, widest)).then(a.cmp(b))

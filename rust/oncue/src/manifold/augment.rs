@@ -27,9 +27,9 @@ const UPPER_BODY: std::ops::RangeInclusive<usize> = Joint::Spine as usize..=Join
 const LOWEST_PELVIS: f32 = 0.40;
 
 /// How often each change is made, of the windows that are changed at all.
-const HOLD: f32 = 0.2;
-const SPLICE: f32 = 0.25;
-const REACH: f32 = 0.5;
+const HOLD_SHARE: f32 = 0.2;
+const SPLICE_SHARE: f32 = 0.25;
+const REACH_SHARE: f32 = 0.5;
 const BEND: f32 = 0.4;
 const SINK: f32 = 0.3;
 const JITTER: f32 = 0.4;
@@ -37,14 +37,14 @@ const JITTER: f32 = 0.4;
 /// A changed copy of `window`; `other` lends its upper body. Both have [`WINDOW`] frames.
 pub(super) fn augment(window: &Motion, other: &Motion, rng: &mut Pcg32) -> Motion {
     let mut motion = window.clone();
-    if chance(rng, HOLD) {
+    if chance(rng, HOLD_SHARE) {
         hold(&mut motion, rng);
     }
-    if chance(rng, SPLICE) {
+    if chance(rng, SPLICE_SHARE) {
         splice(&mut motion, other, rng);
     }
     for side in 0..2 {
-        if chance(rng, REACH) {
+        if chance(rng, REACH_SHARE) {
             reach(&mut motion, side, rng);
         }
     }

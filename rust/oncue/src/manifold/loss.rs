@@ -8,7 +8,7 @@ use super::augment::augment;
 use super::autoencoder::{DecoderWorkspace, Manifold, Normalization};
 use super::kinematics::{Kinematics, RootPath};
 use super::report::ReconstructionFigures;
-use super::settings::{CHUNK, ManifoldSettings};
+use super::settings::{CHUNK_WINDOWS, ManifoldSettings};
 use super::training_windows::{Window, generator};
 use super::window::{CONTACTS, FEATURES, ROTATIONS, WINDOW, from_motion, rotation};
 use crate::error::Result;
@@ -98,11 +98,11 @@ pub(super) fn measure(
         x.flatten().collect()
     };
     let sums: Vec<[f64; 5]> = windows
-        .par_chunks(CHUNK)
+        .par_chunks(CHUNK_WINDOWS)
         .enumerate()
         .map(|(chunk, some)| {
             progress.check()?;
-            let x = xs(chunk * CHUNK, some);
+            let x = xs(chunk * CHUNK_WINDOWS, some);
             let z = manifold.encode(&x);
             progress.check()?;
             let mut work = DecoderWorkspace::default();

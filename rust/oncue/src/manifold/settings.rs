@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::settings::range::check_ranges;
 
 /// Windows that one thread takes at a time.
-pub(super) const CHUNK: usize = 16;
+pub(super) const CHUNK_WINDOWS: usize = 16;
 
 /// Bytes of the sentence in the header of a manifold's file.
 const LONGEST_ORIGIN: usize = 4096;
@@ -93,7 +93,7 @@ impl ManifoldSettings {
                 channels: 1..=1024,
                 epochs: 1..=100_000,
                 centred: SHARE,
-                batch: CHUNK..=4096,
+                batch: CHUNK_WINDOWS..=4096,
                 learning_rate: SHARE,
                 final_learning_rate: SHARE,
                 noise: 0.0..=10.0,
@@ -110,9 +110,9 @@ impl ManifoldSettings {
             },
             free { origin }
         );
-        if !self.batch.is_multiple_of(CHUNK) {
+        if !self.batch.is_multiple_of(CHUNK_WINDOWS) {
             return Err(Error::input(format!(
-                "The setting manifold.batch is {}; it must be a multiple of {CHUNK}.",
+                "The setting manifold.batch is {}; it must be a multiple of {CHUNK_WINDOWS}.",
                 self.batch
             )));
         }

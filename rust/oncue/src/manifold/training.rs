@@ -25,7 +25,7 @@ use super::kinematics::Kinematics;
 use super::linear_start;
 use super::loss::{measure, reconstruction_loss};
 use super::report::{ManifoldEpoch, TrainingReport};
-use super::settings::{CHUNK, ManifoldSettings};
+use super::settings::{CHUNK_WINDOWS, ManifoldSettings};
 use super::training_windows::{Parts, SHORTEST_CLIP, Window, draw, generator, normalization, parts, windows};
 use super::window::{FEATURES, WINDOW};
 use crate::error::{Error, Result};
@@ -148,7 +148,7 @@ impl<'a> Training<'a> {
             training_windows: windows.training.len(),
             ..TrainingReport::default()
         };
-        let chunks = (0..settings.batch / CHUNK).map(|_| Chunk::default()).collect();
+        let chunks = (0..settings.batch / CHUNK_WINDOWS).map(|_| Chunk::default()).collect();
         Ok(Self { windows, state: TrainingState { report, epoch: 0, step: 0, manifold, adam }, chunks })
     }
 
@@ -175,19 +175,21 @@ impl<'a> Training<'a> {
             let members: Vec<usize> =
                 (0..settings.batch).map(|i| order[(batch * settings.batch + i) % order.len()]).collect();
             let (manifold, all) = (&self.state.manifold, &self.windows.training);
-            self.chunks.par_iter_mut().zip(members.par_chunks(CHUNK)).try_for_each(|(chunk, members)| {
-                chunk.x.clear();
-                for &member in members {
-                    chunk.x.extend(draw(all, member, &settings, generator(seed, epoch, member as u32)));
-                }
-                chunk.gradient(
-                    manifold,
-                    path_share,
-                    &settings,
-                    generator(seed, epoch, u32::MAX - 1 - members[0] as u32),
-                    progress,
-                )
-            })?;
+            self.chunks.par_iter_mut().zip(members.par_chunks(CHUNK_WINDOWS)).try_for_each(
+                |(chunk, members)| {
+                    chunk.x.clear();
+                    for &member in members {
+                        chunk.x.extend(draw(all, member, &settings, generator(seed, epoch, member as u32)));
+                    }
+                    chunk.gradient(
+                        manifold,
+                        path_share,
+                        &settings,
+                        generator(seed, epoch, u32::MAX - 1 - members[0] as u32),
+                        progress,
+                    )
+                },
+            )?;
             loss += self.chunks.iter().map(|c| c.loss).sum::<f64>() / settings.batch as f64;
             self.learn(rate(&settings, self.state.step, steps));
             let done = epoch as f32 + (batch + 1) as f32 / batches as f32;

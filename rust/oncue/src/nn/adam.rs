@@ -9,7 +9,7 @@ const BETA1: f32 = 0.9;
 const BETA2: f32 = 0.999;
 const EPSILON: f32 = 1e-8;
 /// Parameters that one thread takes at a time.
-const SLICE: usize = 1 << 15;
+const PARAMETER_SLICE: usize = 1 << 15;
 
 /// Moments of one flat parameter vector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -32,12 +32,15 @@ impl Adam {
         self.step += 1;
         let rate = self.learning_rate * (1.0 - BETA2.powi(self.step)).sqrt() / (1.0 - BETA1.powi(self.step));
         let level = Level::current();
-        let moments = self.first.par_chunks_mut(SLICE).zip(self.second.par_chunks_mut(SLICE));
-        parameters.par_chunks_mut(SLICE).zip(gradient.par_chunks(SLICE)).zip(moments).for_each(
-            |((parameters, gradient), (first, second))| {
+        let moments =
+            self.first.par_chunks_mut(PARAMETER_SLICE).zip(self.second.par_chunks_mut(PARAMETER_SLICE));
+        parameters
+            .par_chunks_mut(PARAMETER_SLICE)
+            .zip(gradient.par_chunks(PARAMETER_SLICE))
+            .zip(moments)
+            .for_each(|((parameters, gradient), (first, second))| {
                 level.run_in_eights(Descent { parameters, gradient, first, second, rate, scale });
-            },
-        );
+            });
     }
 }
 

@@ -25,7 +25,7 @@ use super::matmul::{View, matmul};
 /// Width of the kernel, frames (LAMA, supplementary).
 pub(crate) const KERNEL: usize = 25;
 /// Frames that the kernel reaches to each side.
-const REACH: usize = KERNEL / 2;
+const KERNEL_REACH: usize = KERNEL / 2;
 
 /// Which of the two a layer is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -188,7 +188,7 @@ fn prepare(out: &mut Vec<f32>, rows: usize, width: usize, bias: Option<&[f32]>) 
 fn spans(k: usize, shape: Shape) -> (usize, usize, usize) {
     let phase = k % 2;
     // Fine frame 2t + k - 12 is frame t + shift of its phase.
-    let shift = (k / 2) as isize - (REACH / 2) as isize;
+    let shift = (k / 2) as isize - (KERNEL_REACH / 2) as isize;
     let (first, end) = ((-shift).max(0), shape.frames as isize - shift.max(0));
     if first >= end {
         return (phase * shape.frames * shape.batch, 0, 0);
@@ -241,7 +241,9 @@ mod tests {
         let mut out: Vec<f32> = bias.iter().copied().cycle().take(out_frames * batch * o).collect();
         for t in 0..frames {
             for k in 0..KERNEL {
-                let Some(f) = (2 * t + k).checked_sub(REACH).filter(|f| *f < 2 * frames) else { continue };
+                let Some(f) = (2 * t + k).checked_sub(KERNEL_REACH).filter(|f| *f < 2 * frames) else {
+                    continue;
+                };
                 let (from, to) = if layer.direction == Direction::Down { (f, t) } else { (t, f) };
                 for b in 0..batch {
                     for (a, c) in (0..i).flat_map(|a| (0..o).map(move |c| (a, c))) {

@@ -8,17 +8,17 @@ use super::conv1d::{Conv1d, Direction, Shape, merge, split};
 /// The slope below the knee. A plain ReLU would stop the gradient there, and with it an optimization of the latent
 /// vector.
 pub(crate) const LEAK: f32 = 0.2;
-/// The activation bends at -KNEE instead of 0: the same as a bias before it and its opposite after it, but what the
+/// The activation bends at -ACTIVATION_KNEE instead of 0: the same as a bias before it and its opposite after it, but what the
 /// next layer sees has mean 0, without which small steps of all its weights together are a large one.
-pub(crate) const KNEE: f32 = 2.0;
+pub(crate) const ACTIVATION_KNEE: f32 = 2.0;
 
 fn activate(v: f32) -> f32 {
-    if v > -KNEE { v } else { LEAK * (v + KNEE) - KNEE }
+    if v > -ACTIVATION_KNEE { v } else { LEAK * (v + ACTIVATION_KNEE) - ACTIVATION_KNEE }
 }
 
 /// The activation's derivative, given its output.
 fn slope(output: f32) -> f32 {
-    if output > -KNEE { 1.0 } else { LEAK }
+    if output > -ACTIVATION_KNEE { 1.0 } else { LEAK }
 }
 
 /// y = L_n(… act(L_1(x)) …), each layer halving (or doubling) the number of frames.

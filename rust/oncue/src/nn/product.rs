@@ -1,8 +1,8 @@
 //! C = A·B for the sizes of small networks, at every [`Level`], with bias and ReLU in the same pass.
 //!
-//! A tile of C, as many rows and two vectors wide, stays in registers while A and B go by. Neither is copied: A may lie
-//! as it likes, for its numbers are taken one by one; the rows of B must lie one after the other, each unbroken, and be
-//! readable to the end of the last tile. Layers are arranged so that they are ([`super::samples`]).
+//! A tile of C, as many rows and two vectors wide, stays in registers while A and B go by. Neither is copied. A may
+//! have any strides, because its numbers are read one by one. The rows of B must be contiguous and readable to the end of
+//! the last tile. Layers are arranged so that they are ([`super::samples`]).
 
 use super::matmul::View;
 use crate::simd::{Kernel, Level, Simd};

@@ -89,24 +89,24 @@ fn transpose(
     to: &mut [f32],
     to_stride: usize,
 ) {
-    const BLOCK: usize = 8;
-    for r in (0..rows).step_by(BLOCK) {
-        for c in (0..columns).step_by(BLOCK) {
-            if r + BLOCK > rows || c + BLOCK > columns {
-                for r in r..rows.min(r + BLOCK) {
-                    for c in c..columns.min(c + BLOCK) {
+    const TRANSPOSE_BLOCK: usize = 8;
+    for r in (0..rows).step_by(TRANSPOSE_BLOCK) {
+        for c in (0..columns).step_by(TRANSPOSE_BLOCK) {
+            if r + TRANSPOSE_BLOCK > rows || c + TRANSPOSE_BLOCK > columns {
+                for r in r..rows.min(r + TRANSPOSE_BLOCK) {
+                    for c in c..columns.min(c + TRANSPOSE_BLOCK) {
                         to[c * to_stride + r] = from[r * from_stride + c];
                     }
                 }
                 continue;
             }
-            let mut block = [[0.0f32; BLOCK]; BLOCK];
-            for i in 0..BLOCK {
-                block[i].copy_from_slice(&from[(r + i) * from_stride + c..][..BLOCK]);
+            let mut block = [[0.0f32; TRANSPOSE_BLOCK]; TRANSPOSE_BLOCK];
+            for i in 0..TRANSPOSE_BLOCK {
+                block[i].copy_from_slice(&from[(r + i) * from_stride + c..][..TRANSPOSE_BLOCK]);
             }
-            for j in 0..BLOCK {
-                let column: [f32; BLOCK] = std::array::from_fn(|i| block[i][j]);
-                to[(c + j) * to_stride + r..][..BLOCK].copy_from_slice(&column);
+            for j in 0..TRANSPOSE_BLOCK {
+                let column: [f32; TRANSPOSE_BLOCK] = std::array::from_fn(|i| block[i][j]);
+                to[(c + j) * to_stride + r..][..TRANSPOSE_BLOCK].copy_from_slice(&column);
             }
         }
     }

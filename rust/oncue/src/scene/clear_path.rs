@@ -34,7 +34,7 @@ const HALF_WIDTH: f32 = 0.15;
 /// walk round to the other side.
 const SWEEP_COST: f32 = 2.5;
 /// Where the legs are when one sits, on the front half of the seat too: from its edge to the knees, metres from the cue.
-const LEGS: (f32, f32) = (0.30, 0.58);
+const LEG_SPACE: (f32, f32) = (0.30, 0.58);
 /// Heights of the thighs and of the shins over the pelvis, metres.
 const LEG_HEIGHTS: [f32; 2] = [-0.03, -0.25];
 /// A seat without an approach within this angle of its front is sat down on from the side, degrees.
@@ -372,10 +372,10 @@ fn legs_are_barred(scene: &SceneIndex, cue: &ActionCue, angle: f32) -> bool {
     angle.abs() > FRONT.to_radians()
         && (0..=count).any(|i| {
             let direction = Vec2::from_angle(cue.planar().heading() + angle * i as f32 / count as f32);
-            let from = cue.position.truncate() + LEGS.0 * direction;
+            let from = cue.position.truncate() + LEG_SPACE.0 * direction;
             LEG_HEIGHTS.into_iter().any(|dz| {
                 let from = from.extend(cue.position.z + dz);
-                scene.ray(from, direction.extend(0.0), LEGS.1 - LEGS.0).is_some()
+                scene.ray(from, direction.extend(0.0), LEG_SPACE.1 - LEG_SPACE.0).is_some()
             })
         })
 }

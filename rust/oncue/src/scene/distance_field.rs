@@ -1,7 +1,7 @@
 //! A conservative distance field: how far from a point there is certainly nothing.
 //!
 //! The cells that a triangle passes through are marked exactly (the triangle is cut by the cells' planes), and
-//! every cell learns the least distance between any of its points and any marked cell, up to [`REACH`] cells.
+//! every cell learns the least distance between any of its points and any marked cell, up to [`REACH_CELLS`] cells.
 //! What lies under the floor's carpet height is left out, so that feet and shins are ruled out as well; whoever
 //! asks has to know that (see [`DistanceField::lower_bound`]).
 
@@ -15,9 +15,9 @@ use crate::error::Result;
 use crate::progress::Progress;
 
 /// Distances are kept up to so many cells: with 5 cm, 0.6 m, more than any box of the body reaches.
-const REACH: i32 = 12;
-/// Steps of the stored distance in one cell: `REACH * STEPS` fits a byte.
-const STEPS: f32 = 20.0;
+const REACH_CELLS: i32 = 12;
+/// Steps of the stored distance in one cell: `REACH_CELLS * CELL_STEPS` fits a byte.
+const CELL_STEPS: f32 = 20.0;
 
 #[derive(Debug, Clone)]
 pub(super) struct DistanceField {
@@ -31,7 +31,7 @@ pub(super) struct DistanceField {
     pub bottom: f32,
     /// The marked space; outside it there is nothing.
     bounds: (Vec3, Vec3),
-    /// Lower bound of the distance in `cell / STEPS`, in tiles of 4 × 4 × 4 cells, a cache line each: the places that
+    /// Lower bound of the distance in `cell / CELL_STEPS`, in tiles of 4 × 4 × 4 cells, a cache line each: the places that
     /// one body asks for share a few of them.
     steps: Vec<u8>,
     /// Tiles along x and y.
@@ -74,16 +74,16 @@ impl DistanceField {
     /// No triangle higher than `bottom` is nearer to `point` than this, metres; 0 where one may be.
     pub(super) fn lower_bound(&self, point: Vec3) -> f32 {
         let outside = (point - point.clamp(self.bounds.0, self.bounds.1)).length();
-        outside.max(f32::from(self.steps_at(point)) * (self.cell / STEPS))
+        outside.max(f32::from(self.steps_at(point)) * (self.cell / CELL_STEPS))
     }
 
     /// A distance in the units of [`DistanceField::steps_at`], rounded up: what it must be at least.
     pub(super) fn steps_of(&self, distance: f32) -> u8 {
         // A cast of what is too much gives 255, which no cell holds.
-        (distance * (STEPS * self.per_metre)).ceil() as u8
+        (distance * (CELL_STEPS * self.per_metre)).ceil() as u8
     }
 
-    /// The stored distance of the cell at a point, in `cell / STEPS`. From outside the grid that of the nearest
+    /// The stored distance of the cell at a point, in `cell / CELL_STEPS`. From outside the grid that of the nearest
     /// cell, which is a bound as well: everything lies inside, so it is nearer to the grid's border than to the point.
     #[inline(always)]
     pub(super) fn steps_at(&self, point: Vec3) -> u8 {
@@ -184,21 +184,21 @@ impl DistanceField {
     /// so its minimum is found one axis after the other.
     fn spread(&self, marked: Vec<u8>, progress: &Progress) -> Result<Vec<u8>> {
         let (nx, ny, nz) = (self.size.x as usize, self.size.y as usize, self.size.z as usize);
-        let far = (REACH * REACH) as u8;
+        let far = (REACH_CELLS * REACH_CELLS) as u8;
         let square = |d: i32| ((d.abs() - 1).max(0) as u32).pow(2).min(u32::from(far)) as u8;
         // Along x: the nearest mark on either side.
         let mut rows = marked;
         rows.par_chunks_mut(nx).try_for_each(|row| {
             progress.check()?;
-            let mut distance = vec![REACH + 1; nx];
-            let mut last = REACH + 1;
+            let mut distance = vec![REACH_CELLS + 1; nx];
+            let mut last = REACH_CELLS + 1;
             for (d, &m) in distance.iter_mut().zip(row.iter()) {
-                last = if m == 0 { 0 } else { (last + 1).min(REACH + 1) };
+                last = if m == 0 { 0 } else { (last + 1).min(REACH_CELLS + 1) };
                 *d = last;
             }
-            last = REACH + 1;
+            last = REACH_CELLS + 1;
             for (d, m) in distance.iter_mut().zip(row.iter_mut()).rev() {
-                last = if *m == 0 { 0 } else { (last + 1).min(REACH + 1) };
+                last = if *m == 0 { 0 } else { (last + 1).min(REACH_CELLS + 1) };
                 *m = square((*d).min(last));
             }
             Ok(())
@@ -210,7 +210,7 @@ impl DistanceField {
                 out.par_chunks_mut(nx).enumerate().try_for_each(|(row, out)| {
                     progress.check()?;
                     let at = position(row) as i32;
-                    for d in -REACH..=REACH {
+                    for d in -REACH_CELLS..=REACH_CELLS {
                         if at + d < 0 || at + d >= length as i32 {
                             continue;
                         }
@@ -227,7 +227,8 @@ impl DistanceField {
             };
         let rows: Vec<u8> = slices(&rows, nx, ny, &|row| row % ny)?;
         let squares = slices(&rows, nx * ny, nz, &|row| row / ny)?;
-        let table: Vec<u8> = (0..=255u32).map(|s| (f64::from(s).sqrt() * f64::from(STEPS)) as u8).collect();
+        let table: Vec<u8> =
+            (0..=255u32).map(|s| (f64::from(s).sqrt() * f64::from(CELL_STEPS)) as u8).collect();
         let layer = 64 * (self.tiles.x * self.tiles.y) as usize;
         let mut steps = vec![0; layer * nz.div_ceil(4)];
         steps.par_chunks_mut(layer).enumerate().try_for_each(|(tile_z, layer)| {

@@ -9,9 +9,9 @@ use super::triangle_tree::TriangleTree;
 const COLUMNS: usize = 96;
 /// A surface counts as level when its normal is within about 35 degrees of the vertical.
 const LEVEL: f32 = 0.82;
-/// Heights are counted in steps of 1 cm; a floor's own unevenness and rugs stay within `SPREAD` of them.
-const STEP: f32 = 0.01;
-const SPREAD: i64 = 3;
+/// Heights are counted in steps of 1 cm; a floor's own unevenness and rugs stay within `LEVEL_STEPS` of them.
+const HEIGHT_STEP: f32 = 0.01;
+const LEVEL_STEPS: i64 = 3;
 
 /// World z of the dominant walkable level: of the lowest level surface with `headroom` over it in each of many
 /// columns, the height that most columns share. The lowest vertex where no column has such a surface.
@@ -32,13 +32,13 @@ pub(super) fn dominant_level(tree: &TriangleTree, bounds: (Vec3, Vec3), headroom
         })
         .collect();
     heights.sort_by(f32::total_cmp);
-    let bin = |z: f32| ((z - lo.z) / STEP) as i64;
-    // The window of 2 SPREAD + 1 steps that holds most columns; the lowest of equals.
+    let bin = |z: f32| ((z - lo.z) / HEIGHT_STEP) as i64;
+    // The window of 2 LEVEL_STEPS + 1 steps that holds most columns; the lowest of equals.
     let mut best: &[f32] = &[];
     let mut end = 0;
     for first in 0..heights.len() {
         end = end.max(first);
-        while end < heights.len() && bin(heights[end]) <= bin(heights[first]) + 2 * SPREAD {
+        while end < heights.len() && bin(heights[end]) <= bin(heights[first]) + 2 * LEVEL_STEPS {
             end += 1;
         }
         if end - first > best.len() {

@@ -8,9 +8,9 @@ use crate::error::{Error, Result};
 use crate::progress::Progress;
 
 /// Coordinates beyond this (metres) are refused: single precision cannot place a foot there.
-const FARTHEST: f32 = 1.0e5;
+const FARTHEST_COORDINATE: f32 = 1.0e5;
 /// Triangles looked at between two checks for a cancel.
-const CHUNK: usize = 65_536;
+const TRIANGLE_CHUNK: usize = 65_536;
 
 /// The triangles' corners, without those that have no area.
 ///
@@ -26,13 +26,13 @@ pub(super) fn corners(
     }
     // Chunk by chunk in parallel; the first chunk's error is the one that is told, whatever thread was first.
     let chunks: Vec<Result<Vec<[Vec3; 3]>>> = triangles
-        .par_chunks(CHUNK)
+        .par_chunks(TRIANGLE_CHUNK)
         .enumerate()
         .map(|(chunk, triangles)| {
             progress.check()?;
             let mut out = Vec::with_capacity(triangles.len());
             for (i, triangle) in triangles.iter().enumerate() {
-                let corners = checked(positions, triangle, chunk * CHUNK + i)?;
+                let corners = checked(positions, triangle, chunk * TRIANGLE_CHUNK + i)?;
                 // In double precision: two corners that differ at all may span an area too small for f32.
                 let [a, b, c] = corners.map(|v| v.as_dvec3());
                 if (b - a).cross(c - a).length_squared() > 0.0 {
@@ -55,7 +55,7 @@ pub(super) fn corners(
 /// BLAKE3 of triangles and settings, hexadecimal. Chunks are hashed in parallel and their hashes in order.
 pub(super) fn fingerprint(corners: &[[Vec3; 3]], settings: &SceneSettings) -> String {
     let parts: Vec<[u8; 32]> = corners
-        .par_chunks(CHUNK)
+        .par_chunks(TRIANGLE_CHUNK)
         .map(|chunk| {
             let mut hasher = blake3::Hasher::new();
             let mut bytes = Vec::with_capacity(chunk.len() * 36);
@@ -89,10 +89,10 @@ fn checked(positions: &[Vec3], triangle: &[u32; 3], number: usize) -> Result<[Ve
                 "Triangle {number} of the scene has a vertex ({index}) whose position is not a number: {corner}."
             )));
         }
-        if corner.abs().max_element() > FARTHEST {
+        if corner.abs().max_element() > FARTHEST_COORDINATE {
             return Err(Error::input(format!(
                 "Triangle {number} of the scene has a vertex ({index}) at {corner}, farther than {} km from the origin.",
-                FARTHEST / 1000.0
+                FARTHEST_COORDINATE / 1000.0
             )));
         }
     }

@@ -16,7 +16,7 @@ use crate::error::Result;
 use crate::progress::Progress;
 
 /// Clearance is measured up to this, metres.
-const FARTHEST: f32 = 3.0;
+const MOST_CLEARANCE: f32 = 3.0;
 /// Holes in a scanned floor up to twice this wide are walked over, metres.
 const HOLE: f32 = 0.15;
 
@@ -82,7 +82,7 @@ impl OccupancyGrid {
         let floor = grid.without_holes(has(FLOOR), progress)?;
         grid.walkable = grid.occupied.iter().zip(&floor).map(|(&o, &f)| f && !o).collect();
         let blocked: Vec<bool> = grid.walkable.iter().map(|w| !w).collect();
-        grid.clearance = grid.distance_to(&blocked, FARTHEST, true, progress)?;
+        grid.clearance = grid.distance_to(&blocked, MOST_CLEARANCE, true, progress)?;
         Ok(grid)
     }
 

@@ -9,7 +9,7 @@ use super::box_edges::TriangleBlock;
 use super::tree_references::Reference;
 
 /// Marks a child that is a block of triangles.
-pub(super) const BLOCK: u32 = 1 << 31;
+pub(super) const BLOCK_FLAG: u32 = 1 << 31;
 /// A slot of a node that holds nothing.
 pub(super) const NO_CHILD: u32 = u32::MAX;
 
@@ -63,7 +63,7 @@ impl Part {
                 );
             }
             blocks.push(block);
-            BLOCK | (blocks.len() - 1) as u32
+            BLOCK_FLAG | (blocks.len() - 1) as u32
         });
         let aabb = boxes.iter().fold(boxes[0], |all, b| all.union(b));
         Self { aabb, nodes, blocks }

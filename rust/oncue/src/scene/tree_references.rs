@@ -9,9 +9,9 @@ use crate::error::Result;
 use crate::progress::Progress;
 
 /// References handed to obvhs at once: about 30 ms of work, so that a cancel is seen in time.
-const CHUNK: usize = 32_768;
+const REFERENCE_CHUNK: usize = 32_768;
 /// Triangles longer than this are cut for the tree, metres; doubled until the pieces stay within `SPLIT_BUDGET`.
-const PIECE: f32 = 0.5;
+const PIECE_LENGTH: f32 = 0.5;
 /// Most pieces beyond one a triangle: this share of the triangles, and a floor for small scenes.
 const SPLIT_BUDGET: (f32, usize) = (0.25, 16_384);
 
@@ -27,7 +27,7 @@ pub(super) struct Reference {
 pub(super) fn references(triangles: &[[Vec3; 3]]) -> Vec<Reference> {
     let extent = |t: &[Vec3; 3]| t[0].max(t[1]).max(t[2]) - t[0].min(t[1]).min(t[2]);
     let budget = SPLIT_BUDGET.1 + (SPLIT_BUDGET.0 * triangles.len() as f32) as usize;
-    let mut piece = PIECE;
+    let mut piece = PIECE_LENGTH;
     let pieces = |piece: f32| -> f64 {
         let of = |t: &[Vec3; 3]| {
             let e = extent(t);
@@ -72,7 +72,7 @@ pub(super) fn references(triangles: &[[Vec3; 3]]) -> Vec<Reference> {
 /// Halves the references about the median of their centres along the longest side, until each part is a chunk.
 pub(super) fn halve(mut references: Vec<Reference>, progress: &Progress) -> Result<Vec<Vec<Reference>>> {
     progress.check()?;
-    if references.len() <= CHUNK {
+    if references.len() <= REFERENCE_CHUNK {
         return Ok(vec![references]);
     }
     let center = |r: &Reference| r.aabb.min + r.aabb.max;

@@ -11,7 +11,7 @@ use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
 use super::box_edges::{OrientedBox, TriangleBlock, candidates, crossings, dot, edges_of, splat};
-use super::tree_nodes::{BLOCK, Builder, NO_CHILD, Node, Part, fold};
+use super::tree_nodes::{BLOCK_FLAG, Builder, NO_CHILD, Node, Part, fold};
 use super::tree_references::{halve, references};
 use crate::error::Result;
 use crate::progress::Progress;
@@ -54,7 +54,7 @@ impl TriangleTree {
         let mut nodes = Vec::with_capacity(parts.iter().map(|p| p.nodes.len()).sum::<usize>() + boxes.len());
         let mut blocks = Vec::with_capacity(parts.iter().map(|p| p.blocks.len()).sum());
         // The top's leaves hold part numbers until the parts' places are known.
-        fold(&Builder::new().build(&boxes), 1, &mut nodes, &mut |items| BLOCK | items[0]);
+        fold(&Builder::new().build(&boxes), 1, &mut nodes, &mut |items| BLOCK_FLAG | items[0]);
         let top = nodes.len();
         let mut roots = Vec::with_capacity(parts.len());
         for part in parts {
@@ -62,15 +62,15 @@ impl TriangleTree {
             roots.push(first_node);
             nodes.extend(part.nodes.into_iter().map(|mut node| {
                 for child in node.child.iter_mut().filter(|c| **c != NO_CHILD) {
-                    *child += if *child & BLOCK == 0 { first_node } else { first_block };
+                    *child += if *child & BLOCK_FLAG == 0 { first_node } else { first_block };
                 }
                 node
             }));
             blocks.extend(part.blocks);
         }
         for child in nodes[..top].iter_mut().flat_map(|n| &mut n.child).filter(|c| **c != NO_CHILD) {
-            if *child & BLOCK != 0 {
-                *child = roots[(*child & !BLOCK) as usize];
+            if *child & BLOCK_FLAG != 0 {
+                *child = roots[(*child & !BLOCK_FLAG) as usize];
             }
         }
         Self { nodes, blocks }
@@ -100,7 +100,7 @@ impl TriangleTree {
         scratch.stack.clear();
         scratch.stack.push(0);
         while let Some(next) = scratch.stack.pop() {
-            if next & BLOCK == 0 {
+            if next & BLOCK_FLAG == 0 {
                 let node = &self.nodes[next as usize];
                 let mut hit = test.overlaps(s, node);
                 while hit != 0 {
@@ -109,7 +109,7 @@ impl TriangleTree {
                 }
                 continue;
             }
-            let block = &self.blocks[(next & !BLOCK) as usize];
+            let block = &self.blocks[(next & !BLOCK_FLAG) as usize];
             let (mut found, by_edge) = candidates(s, placed, block);
             while found != 0 {
                 let lane = found.trailing_zeros() as usize;
@@ -179,8 +179,8 @@ impl TriangleTree {
         }));
         let mut stack = vec![0u32];
         while let Some(next) = stack.pop() {
-            if next & BLOCK != 0 {
-                let block = &self.blocks[(next & !BLOCK) as usize];
+            if next & BLOCK_FLAG != 0 {
+                let block = &self.blocks[(next & !BLOCK_FLAG) as usize];
                 for lane in (0..8).filter(|&lane| block.index[lane] != u32::MAX) {
                     visit(block, lane, nearest);
                 }

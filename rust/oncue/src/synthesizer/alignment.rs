@@ -12,11 +12,11 @@ use crate::math::curve::smoothstep;
 use crate::math::rotation::wrap_angle;
 
 /// Largest correction of one frame: metres, radians, metres of height.
-const LARGEST_STEP: f32 = 0.022;
-const LARGEST_TURN: f32 = 0.05;
-const LARGEST_LIFT: f32 = 0.012;
+const MOST_SHIFT: f32 = 0.022;
+const MOST_TURN: f32 = 0.05;
+const MOST_LIFT: f32 = 0.012;
 /// Frames in which it sets in.
-const SETS_IN: f32 = 8.0;
+const SET_IN_FRAMES: f32 = 8.0;
 
 #[derive(Debug, Clone)]
 pub(super) struct Alignment {
@@ -48,7 +48,7 @@ impl Alignment {
         self.age += 1.0;
         let share_of = |gives: &dyn Fn(&GivesWay) -> f32| {
             let weight = |(at, frame): (usize, &DatabaseFrame)| {
-                gives(&frame.gives_way) * smoothstep((self.age + at as f32) / SETS_IN)
+                gives(&frame.gives_way) * smoothstep((self.age + at as f32) / SET_IN_FRAMES)
             };
             let all = coming[..ahead].iter().enumerate().map(weight).sum::<f32>();
             if all > 1e-3 { weight((0, &coming[0])) / all } else { 0.0 }
@@ -56,10 +56,10 @@ impl Alignment {
 
         let end = planar.compose(database.travel(frame, ahead));
         let turn = wrap_angle(self.target.yaw - end.yaw) * share_of(&|g| g.turn);
-        planar.yaw = wrap_angle(planar.yaw + turn.clamp(-LARGEST_TURN, LARGEST_TURN));
+        planar.yaw = wrap_angle(planar.yaw + turn.clamp(-MOST_TURN, MOST_TURN));
         let end = planar.compose(database.travel(frame, ahead));
         let missing: Vec2 = (self.target.position - end.position) * share_of(&|g| g.shift);
-        planar.position += missing.clamp_length_max(LARGEST_STEP);
+        planar.position += missing.clamp_length_max(MOST_SHIFT);
 
         if let Some(height) = self.height {
             let z = |f: &DatabaseFrame| f.posture.root_position.z;
@@ -68,7 +68,7 @@ impl Alignment {
             let sinking = (z(&coming[0]) - z(&coming[1])).max(0.0);
             let left = (z(&coming[0]) - z(&coming[ahead])).max(1e-3);
             let step = missing * (sinking / left).min(1.0);
-            self.lift += step.clamp(-LARGEST_LIFT, LARGEST_LIFT);
+            self.lift += step.clamp(-MOST_LIFT, MOST_LIFT);
         }
     }
 }

@@ -22,11 +22,11 @@ const STEP_FROM: f32 = 0.16;
 const STEP_TIME: f32 = 0.3;
 const STEP_HEIGHT: f32 = 0.05;
 /// How long what a transition or a stand has left lasts, seconds.
-const SETTLES_IN: f32 = 0.2;
+const FOOT_SECONDS: f32 = 0.2;
 /// Longest reach of a leg as a share of its full length: the knee keeps some 8° of flexion.
-const REACH: f32 = 0.9975;
+const LEG_SHARE: f32 = 0.9975;
 /// Metres from the hip to the ankle, at the most.
-const LONGEST_LEG: f32 = 2.0 * LEG_LENGTH * REACH;
+const LONGEST_LEG: f32 = 2.0 * LEG_LENGTH * LEG_SHARE;
 /// The heel may rise this far to bring the leg within reach, radians.
 const HEEL_RISE: f32 = 0.9;
 
@@ -81,10 +81,10 @@ impl Foot {
         self.toe.offset += Self::clip_toe(planar, old, side) - Self::clip_toe(planar, new, side);
         self.toe.velocity += velocity(old, old_next) - velocity(new, new_next);
         self.toe.limit_velocity();
-        self.toe.settle_in(SETTLES_IN);
+        self.toe.settle_in(FOOT_SECONDS);
         let shown = from_angle_axis(self.turn.offset) * planar.rotation() * old.foot_rotation[side];
         let turn = to_angle_axis(shown * (planar.rotation() * new.foot_rotation[side]).inverse());
-        self.turn.begin(turn, Vec3::ZERO, SETTLES_IN);
+        self.turn.begin(turn, Vec3::ZERO, FOOT_SECONDS);
         self.last_toe = Self::clip_toe(planar, new, side);
     }
 
@@ -113,7 +113,7 @@ impl Foot {
                 self.toe.begin(
                     offset.extend(self.toe.offset.z),
                     velocity.extend(self.toe.velocity.z),
-                    SETTLES_IN,
+                    FOOT_SECONDS,
                 );
                 self.toe.limit_velocity();
                 self.held = None;

@@ -38,7 +38,7 @@ pub(crate) const OFFSET_JOINTS: [Joint; 4] =
 pub(crate) type PostureOffset = [Vec3; OFFSET_JOINTS.len()];
 
 /// How long a transition's difference lasts at the least, seconds.
-const SETTLES_IN: f32 = 0.35;
+const TRANSITION_SECONDS: f32 = 0.35;
 /// …and longer where a joint would turn by more than this share of what the library's own turns: the clip turns it too.
 const TRANSITION_SHARE: f32 = 0.6;
 /// The same for the root's velocity.
@@ -160,7 +160,7 @@ impl Character {
                 velocity(&old.posture, &old_next.posture) - velocity(&new.posture, &new_next.posture);
             inertia.limit_velocity();
             let speed = TRANSITION_SHARE * database.turns.usual[joint] * FRAME_RATE;
-            inertia.settle_in(inertia::settling_time(inertia.offset.length(), speed, SETTLES_IN));
+            inertia.settle_in(inertia::settling_time(inertia.offset.length(), speed, TRANSITION_SECONDS));
         }
         self.height.offset.z += old.posture.root_position.z - new.posture.root_position.z;
         self.height.velocity.z += (old_next.posture.root_position.z
@@ -168,7 +168,7 @@ impl Character {
             - new_next.posture.root_position.z
             + new.posture.root_position.z)
             * FRAME_RATE;
-        self.height.settle_in(SETTLES_IN);
+        self.height.settle_in(TRANSITION_SECONDS);
         let drift = self.planar.direction_to_world(old.step.position - new.step.position);
         self.glide.add(drift.extend(old.step.yaw - new.step.yaw) * FRAME_RATE, ROOT_SETTLES_IN);
         for side in 0..2 {
@@ -241,7 +241,7 @@ impl Character {
             let offset = offset.map_or(Quat::IDENTITY, |j| from_angle_axis(self.offset[j]));
             let shown = rotation * offset.inverse();
             let offset = to_angle_axis(shown * source.posture.rotations[at].inverse());
-            self.joints[at].divert(offset, SETTLES_IN);
+            self.joints[at].divert(offset, TRANSITION_SECONDS);
         }
         if slowed {
             for joint in UPPER_BODY {

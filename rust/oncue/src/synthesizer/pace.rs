@@ -7,7 +7,7 @@ use crate::motion::skeleton::JOINT_OFFSET;
 use crate::motion::{JOINT_COUNT, Motion, Posture};
 
 /// Share of what a joint may turn that is made use of where it would turn more.
-const MARGIN: f32 = 0.99;
+const TURN_SHARE: f32 = 0.99;
 /// How often the pace is corrected.
 const ROUNDS: usize = 6;
 /// Frames to either side in which the pace changes.
@@ -66,7 +66,7 @@ fn hurry(pair: &[Posture], limits: &TurnLimits) -> f32 {
 
 /// How many times longer a step takes that is `ratio` times too fast.
 fn over(ratio: f32) -> f32 {
-    if ratio > 1.0 { ratio / MARGIN } else { 1.0 }
+    if ratio > 1.0 { ratio / TURN_SHARE } else { 1.0 }
 }
 
 /// The motion with `frames` frames for each of its steps.

@@ -20,13 +20,13 @@ use crate::motion::{FRAME_RATE, FootContact, Joint, Motion, Posture};
 
 /// Samples to a frame inside the generator.
 const FINE: usize = 4;
-const STEP: f32 = 1.0 / (FRAME_RATE * FINE as f32);
+const SAMPLE_TIME: f32 = 1.0 / (FRAME_RATE * FINE as f32);
 /// ω of the pendulum, 1/s: g over the height of the centre of mass.
 const OMEGA: f32 = 3.25;
 /// The pelvis joint's height when standing, metres.
 const STANDING_HEIGHT: f32 = 0.9885;
 
-/// What the whole body follows from, sampled every [`STEP`].
+/// What the whole body follows from, sampled every [`SAMPLE_TIME`].
 struct Signals {
     feet: [Vec<FootSample>; 2],
     ankles: [Vec<Vec3>; 2],
@@ -47,7 +47,7 @@ struct Signals {
 
 /// The value of a signal `seconds` later (earlier if negative).
 fn shifted(signal: &[f32], i: usize, seconds: f32) -> f32 {
-    let j = i as f32 + seconds / STEP;
+    let j = i as f32 + seconds / SAMPLE_TIME;
     signal[(j.round().max(0.0) as usize).min(signal.len() - 1)]
 }
 
@@ -104,9 +104,9 @@ fn drift(plan: &Plan, t: f32, rates: [f32; 2], phases: [usize; 2]) -> f32 {
 
 impl Signals {
     fn of(plan: &Plan) -> Self {
-        let n = (plan.duration / STEP).round() as usize + 1;
-        let time = |i: usize| i as f32 * STEP;
-        let sigma = |seconds: f32| seconds / STEP;
+        let n = (plan.duration / SAMPLE_TIME).round() as usize + 1;
+        let time = |i: usize| i as f32 * SAMPLE_TIME;
+        let sigma = |seconds: f32| seconds / SAMPLE_TIME;
         let tracks = [FootTrack::new(plan, 0), FootTrack::new(plan, 1)];
         let seat: Vec<SeatState> = (0..n).map(|i| seat::seat_state(plan, time(i))).collect();
         let mut feet = [0, 1].map(|s| (0..n).map(|i| tracks[s].sample(time(i))).collect::<Vec<_>>());
@@ -138,7 +138,7 @@ impl Signals {
             .collect();
         let axis = |f: fn(&Vec2) -> f32| {
             let values = smooth(&pressure.iter().map(f).collect::<Vec<_>>(), sigma(0.02));
-            pendulum(&values, OMEGA, STEP)
+            pendulum(&values, OMEGA, SAMPLE_TIME)
         };
         let mass: Vec<Vec2> =
             axis(|p| p.x).into_iter().zip(axis(|p| p.y)).map(|(x, y)| Vec2::new(x, y)).collect();
@@ -150,7 +150,7 @@ impl Signals {
         let velocity = |i: usize| {
             let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
             // Steps of a seated person move the feet, not the body.
-            (mass[b] - mass[a]) / ((b - a) as f32 * STEP) * (1.0 - seat[i].back)
+            (mass[b] - mass[a]) / ((b - a) as f32 * SAMPLE_TIME) * (1.0 - seat[i].back)
         };
         let speed = smooth(&(0..n).map(|i| velocity(i).dot(heading(i))).collect::<Vec<_>>(), sigma(0.25));
         // The pelvis is behind the centre of mass; in walking it stays above the standing ankle on average.
@@ -164,7 +164,7 @@ impl Signals {
 
         let slope = |values: &[f32], i: usize| {
             let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
-            (values[b] - values[a]) / ((b - a) as f32 * STEP)
+            (values[b] - values[a]) / ((b - a) as f32 * SAMPLE_TIME)
         };
         let surge = smooth(&(0..n).map(|i| slope(&speed, i)).collect::<Vec<_>>(), sigma(0.15));
         let sideways: Vec<f32> = (0..n).map(|i| speed[i] * slope(&yaw, i)).collect();
@@ -200,7 +200,7 @@ impl Signals {
             within(0).min(within(1))
         };
         let standing: Vec<f32> = (0..n).map(|i| reach(i, self.easy_reach(i)).min(STANDING_HEIGHT)).collect();
-        let standing = smooth(&running_minimum(&standing, (0.10 / STEP) as usize), 0.06 / STEP);
+        let standing = smooth(&running_minimum(&standing, (0.10 / SAMPLE_TIME) as usize), 0.06 / SAMPLE_TIME);
         let seated = |i: usize| plan.seat.map_or(standing[i], |s| s.height + SEATED_HIPS_HEIGHT).min(1.2);
         let height: Vec<f32> = (0..n).map(|i| mix(standing[i], seated(i), self.seat[i].down)).collect();
         // Once more for the way to the seat.
@@ -231,7 +231,7 @@ impl Signals {
     }
 
     fn posture(&self, plan: &Plan, i: usize) -> Posture {
-        let t = i as f32 * STEP;
+        let t = i as f32 * SAMPLE_TIME;
         let style = &plan.style;
         let seat = self.seat[i];
         let mut world = [Quat::IDENTITY; JOINT_COUNT];
@@ -352,8 +352,11 @@ impl Signals {
                 // Towards the knees while the trunk leans over them.
                 // At a table the hands come back into the lap, and the elbows stay close to the body.
                 let at_table = plan.seat.is_some_and(|s| s.at_table);
-                let near =
-                    if at_table { mix(-0.255, -0.12, plan.swivelled(i as f32 * STEP)) } else { -0.255 };
+                let near = if at_table {
+                    mix(-0.255, -0.12, plan.swivelled(i as f32 * SAMPLE_TIME))
+                } else {
+                    -0.255
+                };
                 let elbows_out = if at_table { 0.10 } else { 0.38 };
                 let along = near + sign * plan.style.hands - 0.13 * (seat.lean / 0.7).min(1.0);
                 let resting = hip + thigh * Vec3::new(-0.012 * sign, -0.092, along);
@@ -412,14 +415,14 @@ fn seat_feet(plan: &Plan, seat: &[SeatState], yaw: &[f32], feet: &mut [Vec<FootS
             }
             if legs.hanging {
                 // Off the floor the feet turn as the knees do.
-                let outwards = sign * plan.knee_spread(i as f32 * STEP);
+                let outwards = sign * plan.knee_spread(i as f32 * SAMPLE_TIME);
                 let hung = FootSample {
                     yaw: mix(sample.yaw, *yaw + outwards, w),
                     pitch: mix(sample.pitch, legs.pitch, w),
                     toe_bend: (1.0 - w) * sample.toe_bend,
                     ..*sample
                 };
-                let pelvis = plan.seat_place(&place, i as f32 * STEP);
+                let pelvis = plan.seat_place(&place, i as f32 * SAMPLE_TIME);
                 let place = pelvis
                     + rotate(*yaw, Vec2::new(0.10 * sign, 0.0))
                     + rotate(*yaw + outwards, Vec2::new(0.0, -legs.ankle_ahead));
@@ -451,7 +454,7 @@ fn contact(signals: &Signals, i: usize) -> FootContact {
         if track[a].planted && track[i].planted && track[b].planted {
             return 1.0;
         }
-        let speed = track[a].ball.distance(track[b].ball) / ((b - a) as f32 * STEP);
+        let speed = track[a].ball.distance(track[b].ball) / ((b - a) as f32 * SAMPLE_TIME);
         let foot = &track[i];
         let lowest = foot.ball.z.min(foot.ankle().z - 0.05);
         if lowest < TOE_HEIGHT + 0.04 && speed < 1.0 { 0.5 } else { 0.0 }

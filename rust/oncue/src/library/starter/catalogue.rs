@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use glam::Vec2;
 
 use super::body::animate;
-use super::plan::{Plan, Planner, SETTLE, STANDING_WIDTH, SWIVEL_FROM, Seat, Seating, Stride};
+use super::plan::{Plan, Planner, SETTLE_SECONDS, STANDING_WIDTH, SWIVEL_FROM, Seat, Seating, Stride};
 use super::seat::{TUCKED, seated_legs};
 use super::style::Style;
 use crate::action::ActionLabel;
@@ -25,7 +25,7 @@ pub(super) const SWIVEL_HEIGHTS: [f32; 5] = [0.38, 0.46, 0.54, 0.64, 0.75];
 pub(super) const BAR_HEIGHTS: [f32; 3] = [0.64, 0.70, 0.75];
 
 /// Seconds of standing before and after what a clip is about.
-const MARGIN: f32 = 0.5;
+const STANDING_SECONDS: f32 = 0.5;
 
 /// A clip before it is animated: a plan, and from when on it is kept.
 struct Recipe {
@@ -149,7 +149,7 @@ fn planner(out: &[Recipe], side: usize) -> Planner {
 }
 
 fn add(out: &mut Vec<Recipe>, name: String, mut planner: Planner, from: f32) {
-    planner.stand(MARGIN + 0.5);
+    planner.stand(STANDING_SECONDS + 0.5);
     out.push(Recipe { name, plan: planner.finish(), from });
 }
 
@@ -224,7 +224,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
     for degrees in [30.0f32, 45.0, 60.0, 90.0, 120.0, 135.0, 150.0, 180.0] {
         let pairs = (degrees / 62.0).ceil() as usize;
         let mut p = planner(out, 0);
-        p.stand(MARGIN).turn_on_spot(degrees.to_radians(), pairs);
+        p.stand(STANDING_SECONDS).turn_on_spot(degrees.to_radians(), pairs);
         add(out, format!("turn on the spot {degrees}°"), p, 0.0);
     }
     for degrees in [30.0f32, 60.0, 90.0, 135.0, 180.0] {
@@ -232,7 +232,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
             let mut p = planner(out, 0);
             let first = degrees.min(60.0).to_radians();
             let count = ((degrees - 60.0) / 60.0).ceil().max(0.0);
-            p.stand(MARGIN + 0.2).step(speed * 0.8, 0.45, first);
+            p.stand(STANDING_SECONDS + 0.2).step(speed * 0.8, 0.45, first);
             for _ in 0..count as usize {
                 p.step(speed * 0.8, 0.5, (degrees.to_radians() - first) / count);
             }
@@ -243,7 +243,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
     // A few steps: small corrections of place.
     for (i, share) in [0.3, 0.5, 0.75].into_iter().enumerate() {
         let mut p = planner(out, i % 2);
-        p.stand(MARGIN).step(0.6, share, 0.0).close(0.42).stand(1.2);
+        p.stand(STANDING_SECONDS).step(0.6, share, 0.0).close(0.42).stand(1.2);
         p.step(0.7, share, 0.0)
             .step(0.7, share, 0.0)
             .close(0.42)
@@ -254,7 +254,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
     }
     for (i, left) in [0.15, 0.25, 0.35].into_iter().enumerate() {
         let mut p = planner(out, 0);
-        p.stand(MARGIN)
+        p.stand(STANDING_SECONDS)
             .side_step(left, 0.42)
             .side_step(left, 0.40)
             .side_step(left, 0.40)
@@ -265,7 +265,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
     for (i, (length, speed)) in [(0.20f32, 0.30f32), (0.32, 0.5), (0.42, 0.7)].into_iter().enumerate() {
         for turn in [0.0, 0.18] {
             let mut p = planner(out, i % 2);
-            p.stand(MARGIN + 0.1).back_step(0.6 * length, 0.6 * speed, 0.5 * turn);
+            p.stand(STANDING_SECONDS + 0.1).back_step(0.6 * length, 0.6 * speed, 0.5 * turn);
             for _ in 0..5 {
                 p.back_step(length, speed, turn);
             }
@@ -328,7 +328,7 @@ fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) 
         p.stand(start + SWIVEL_FROM * (end - start) - p.now());
         let count = (swivel.turn.abs() / 0.9).ceil() as usize;
         p.swivel(swivel.turn, count, seated_legs(height, tuck).ankle_ahead, seat.shift);
-        settled = settled.max(p.now() + SETTLE);
+        settled = settled.max(p.now() + SETTLE_SECONDS);
     }
     let plan = p.plan_mut();
     plan.seat = Some(seat);
@@ -341,7 +341,7 @@ fn seats(out: &mut Vec<Recipe>) {
         let cm = (100.0 * height).round();
         for degrees in [0.0f32, 30.0, 60.0, 90.0] {
             let mut p = planner(out, 0);
-            p.stand(MARGIN + 0.1);
+            p.stand(STANDING_SECONDS + 0.1);
             if degrees > 0.0 {
                 let pairs = (degrees / 50.0).ceil() as usize;
                 p.turn_on_spot(degrees.to_radians(), pairs);
@@ -351,7 +351,7 @@ fn seats(out: &mut Vec<Recipe>) {
         }
         // A back step to the seat, then down.
         let mut p = planner(out, 1);
-        p.stand(MARGIN + 0.1).back_step(0.22, 0.42, 0.0).close(0.42);
+        p.stand(STANDING_SECONDS + 0.1).back_step(0.22, 0.42, 0.0).close(0.42);
         sit_down(&mut p, height, 0.0);
         add(out, format!("sit {cm} cm, back step"), p, 0.0);
         if (0.40..0.56).contains(&height) {
@@ -392,7 +392,7 @@ fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
     let cm = (100.0 * height).round();
     for degrees in [0.0f32, 45.0] {
         let mut p = planner(out, 0);
-        p.stand(MARGIN + 0.1);
+        p.stand(STANDING_SECONDS + 0.1);
         if degrees > 0.0 {
             p.turn_on_spot(degrees.to_radians(), (degrees / 50.0).ceil() as usize);
         }
@@ -401,7 +401,7 @@ fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
     }
     for steps in [1, 2] {
         let mut p = planner(out, 0);
-        p.stand(MARGIN + 0.1);
+        p.stand(STANDING_SECONDS + 0.1);
         for _ in 0..steps {
             p.side_step(0.26, 0.40);
         }
@@ -462,7 +462,7 @@ fn sideways_sit(
     let mut p = planner(out, usize::from(!matches!(arriving, Arriving::Turning(_))));
     let mut from = 0.0;
     if !walks {
-        p.stand(MARGIN + 0.1);
+        p.stand(STANDING_SECONDS + 0.1);
     }
     let how = match arriving {
         Arriving::Turning(degrees) => {

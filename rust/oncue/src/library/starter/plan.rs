@@ -94,14 +94,16 @@ impl Plan {
     /// From when to when a person turns on the seat, seconds.
     fn swivel_time(&self) -> Option<(f32, f32)> {
         let turning = self.seatings.iter().find(|s| s.down && s.settled > s.end)?;
-        Some((mix(turning.start, turning.end, SWIVEL_FROM), turning.settled - SETTLE))
+        Some((mix(turning.start, turning.end, SWIVEL_FROM), turning.settled - SETTLE_SECONDS))
     }
 
     /// Where the pelvis joint rests on `seat` at `t` seconds.
     pub(super) fn seat_place(&self, seat: &Seat, t: f32) -> Vec2 {
         let moved = match self.swivel_time() {
             // Who has no room for the knees moves in once they are past what is ahead.
-            Some((from, to)) if seat.spread > 0.0 => ease(t, mix(from, to, MOVE_IN_FROM), to + SETTLE),
+            Some((from, to)) if seat.spread > 0.0 => {
+                ease(t, mix(from, to, MOVE_IN_FROM), to + SETTLE_SECONDS)
+            }
             _ => self.swivelled(t),
         };
         seat.pelvis + seat.shift * moved
@@ -141,7 +143,7 @@ pub(super) const SWIVEL_FROM: f32 = 0.80;
 const KNEES_PAST: f32 = 0.6;
 const MOVE_IN_FROM: f32 = 0.7;
 /// Seconds from the last step of the turn until all of the body has come round.
-pub(super) const SETTLE: f32 = 0.25;
+pub(super) const SETTLE_SECONDS: f32 = 0.25;
 
 /// Step length in metres at a walking speed in m/s.
 pub(super) fn step_length(speed: f32) -> f32 {
