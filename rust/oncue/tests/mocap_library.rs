@@ -278,8 +278,9 @@ fn labels_fit_the_categories() {
             wrong(share(category, "Other") < 0.45, category);
             wrong(share(category, "Sit") + share(category, "SeatedIdle") > 0.0, category);
         }
-        // Nobody sits on a chair in these sets; what looks like it must not be offered as a sit.
-        let sits: f32 = shares.values().map(|s| s["Sit"] + s["SeatedIdle"] + s["StandUp"]).sum();
+        // In the other categories nobody sits on a chair; what looks like it must not be offered as a sit.
+        let others = shares.iter().filter(|(category, _)| !category.contains("sit"));
+        let sits: f32 = others.map(|(_, s)| s["Sit"] + s["SeatedIdle"] + s["StandUp"]).sum();
         wrong(sits > 0.0, "a sit is found where nobody sits");
     }
 }

@@ -16,6 +16,7 @@ pub mod joint_names;
 pub mod label;
 pub mod mocap_file;
 mod mocap_text;
+pub mod mocap_writer;
 pub mod quality;
 pub mod retarget;
 pub mod search;
