@@ -9,16 +9,17 @@ import pytest
 ROOT = Path(__file__).parents[1]
 DECISIONS = ROOT / "docs" / "decisions"
 NOT_OURS = {"target", "out", "dist", ".nox", ".git", ".venv", ".pytest_cache", "node_modules"}
-DOCUMENTS = sorted(
-    path for path in ROOT.rglob("*.md") if not NOT_OURS.intersection(path.relative_to(ROOT).parts[:-1])
-)
+DOCUMENTS = sorted(path for path in ROOT.rglob("*.md") if not NOT_OURS.intersection(path.relative_to(ROOT).parts[:-1]))
 #: `[text](target)` and `![text](target)`.
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 #: `decision 8`, `decisions 5 and 8`.
 REFERENCE = re.compile(r"\bdecisions? (\d+)(?:(?:, | and )(\d+))*\b")
 #: Where else a decision may be named.
 SOURCES = sorted(
-    path for folder in ("rust", "addon", "tools", "tests") for path in (ROOT / folder).rglob("*") if path.suffix in {".rs", ".py"}
+    path
+    for folder in ("rust", "addon", "tools", "tests")
+    for path in (ROOT / folder).rglob("*")
+    if path.suffix in {".rs", ".py"}
 )
 
 
