@@ -253,7 +253,7 @@ def lint(session: nox.Session) -> None:
 def deny(session: nox.Session) -> None:
     """cargo-deny's own reading of deny.toml, for when dependencies change.
 
-    It takes two cores many minutes to compile, into `.nox/cargo-deny`, which a new machine has to do each time: so
+    It takes five minutes of one core to compile, into `.nox/cargo-deny`, which a new machine has to do each time: so
     `lint`, and with it CI, holds the dependencies to the same rules by tools/dependencies.py. Advisories need a
     database from the network and are asked for by name: `-- advisories`.
     """

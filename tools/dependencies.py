@@ -5,9 +5,9 @@
 
 Reads `cargo metadata`, `cargo tree` and the sources in cargo's registry. `check` fails where a licence is not allowed,
 where a dependency is there in two versions, comes from elsewhere than the registry, or asks for a newer Rust than
-`rust-version` promises. But for the last that is what cargo-deny does, in a second instead of the many minutes that it
-takes to compile. `notices` finds what cargo-bundle-licenses does not (blake3's files have other names, bvh_anim has
-none) and lists what is in the library alone, not what belongs to other platforms and to the tests.
+`rust-version` promises. But for the last that is what cargo-deny does, in a second where that one has to be compiled
+first. `notices` finds what cargo-bundle-licenses does not (blake3's files have other names, bvh_anim has none) and
+lists what is in the library alone, not what belongs to other platforms and to the tests.
 """
 
 from __future__ import annotations
