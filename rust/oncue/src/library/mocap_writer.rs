@@ -206,11 +206,23 @@ mod tests {
     }
 
     #[test]
+    fn a_somersault_goes_on_over_the_poles() {
+        let mut before = [0.0; 3];
+        for step in 0..1300 {
+            let angle = 0.01 * f64::from(step);
+            before = nearest_angles(DQuat::from_rotation_x(angle), before);
+            assert!((before[1] - angle.to_degrees()).abs() < 1e-3, "{angle}: {before:?}");
+            assert!(before[0].abs() < 1e-3 && before[2].abs() < 1e-3, "{angle}: {before:?}");
+        }
+    }
+
+    #[test]
     fn worked_by_hand() {
         let mut posture = Posture::default();
         // A quarter turn to the left about our Z, the file's Y; the left thigh raised forward.
         posture.rotations[0] = Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
         posture.rotations[Joint::LeftUpLeg.index()] = Quat::from_rotation_x(-std::f32::consts::FRAC_PI_2);
+        posture.rotations[Joint::LeftArm.index()] = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2);
         let text = to_bvh(&Motion { postures: vec![posture; 2], contacts: vec![[1.0; 2]; 2] }).unwrap();
         let lines: Vec<&str> = text.lines().map(str::trim).collect();
         assert_eq!(lines[..2], ["HIERARCHY", "ROOT Hips"]);
@@ -223,6 +235,9 @@ mod tests {
         assert!(close(&row[..3], [0.0, 99.3, 0.0]) && close(&row[3..6], [0.0, 0.0, 90.0]), "{row:?}");
         let thigh = 3 + 3 * Joint::LeftUpLeg.index();
         assert!(close(&row[thigh..thigh + 3], [0.0, -90.0, 0.0]), "{row:?}");
+        // The arm hangs, turned about our Y: about the file's -Z.
+        let arm = 3 + 3 * Joint::LeftArm.index();
+        assert!(close(&row[arm..arm + 3], [-90.0, 0.0, 0.0]), "{row:?}");
     }
 
     #[test]
