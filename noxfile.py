@@ -26,9 +26,12 @@ OUT = ROOT / "out"
 #: Wheels and extension archives of this machine; `dist/` has those for everybody.
 LOCAL = OUT / "build"
 DIST = ROOT / "dist"
+#: The terms of what is compiled into the wheel; made with it.
+NOTICES = ROOT / "LICENSES-THIRD-PARTY.txt"
 
 MATURIN = ["maturin==1.16.0"]
 ZIG = ["ziglang==0.17.1"]
+CARGO_DENY = "0.20.2"
 LINTERS = ["ruff==0.17.6", "mypy==2.4.1", "numpy==2.4.6", "pytest==9.2.0", "nox"]
 EVALUATION = ["numpy==2.4.6", "trimesh==5.2.0", "matplotlib==3.11.2"]
 CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6"]
@@ -141,6 +144,7 @@ def build_wheel(session: nox.Session, *, portable: bool = False) -> Path:
     folder = DIST if portable else LOCAL
     for old in folder.glob("oncue_core-*.whl"):
         old.unlink()
+    session.run(sys.executable, "tools/dependencies.py", "notices", str(NOTICES))
     command = [str(tools), "-m", "maturin", "build", "--release", "--out", str(folder)]
     command += ["--interpreter", str(tools)]
     if portable and sys.platform == "linux":
@@ -149,6 +153,9 @@ def build_wheel(session: nox.Session, *, portable: bool = False) -> Path:
     path = f"{tools.parent}{os.pathsep}{os.environ['PATH']}"
     session.run(*command, env={"VIRTUAL_ENV": str(tools.parents[1]), "PATH": path})
     (wheel,) = folder.glob("oncue_core-*.whl")
+    with zipfile.ZipFile(wheel) as zipped:
+        if not any(name.endswith(f"licenses/{NOTICES.name}") for name in zipped.namelist()):
+            session.error(f"{wheel.name} lacks {NOTICES.name}.")
     return wheel
 
 
@@ -166,6 +173,7 @@ def build_extension(session: nox.Session, wheel: Path) -> Path:
     shutil.rmtree(staging, ignore_errors=True)
     ignored = shutil.ignore_patterns("__pycache__", "*.pyc")
     shutil.copytree(ROOT / "addon", staging, ignore=ignored)
+    shutil.copy2(NOTICES, staging)
     (staging / "wheels").mkdir()
     shutil.copy2(wheel, staging / "wheels")
     manifest = staging / "blender_manifest.toml"
@@ -237,8 +245,9 @@ def test(session: nox.Session) -> None:
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Formatting, clippy, the crate's documentation with its examples, ruff and mypy."""
+    """Formatting, clippy, the crate's documentation with its examples, the dependencies' terms and versions, ruff, mypy."""
     session.run("cargo", "fmt", "--all", "--check", external=True)
+    session.run(sys.executable, "tools/dependencies.py", "check")
     clippy = ["cargo", "clippy", "--release", "--locked", "--workspace", "--all-targets"]
     session.run(*clippy, "--", "--deny", "warnings", external=True)
     documented = ["cargo", "doc", "--release", "--locked", "--no-deps", "--package", "oncue"]
@@ -247,7 +256,24 @@ def lint(session: nox.Session) -> None:
     python = environment(session, "lint", LINTERS)
     session.run(str(python), "-m", "ruff", "check")
     session.run(str(python), "-m", "ruff", "format", "--check")
-    session.run(str(python), "-m", "mypy", "rust/oncue-python/oncue_core", "noxfile.py", *typed_files())
+    files = ["rust/oncue-python/oncue_core", "noxfile.py", "tools/dependencies.py", *typed_files()]
+    session.run(str(python), "-m", "mypy", *files)
+
+
+@nox.session
+def deny(session: nox.Session) -> None:
+    """cargo-deny's own reading of deny.toml, for when dependencies change.
+
+    It takes five minutes of one core to compile, into `.nox/cargo-deny`, which a new machine has to do each time: so
+    `lint`, and with it CI, holds the dependencies to the same rules by tools/dependencies.py. Advisories need a
+    database from the network and are asked for by name: `-- advisories`.
+    """
+    folder = ENVIRONMENTS / "cargo-deny"
+    if not (folder / "bin").is_dir():
+        install = ["cargo", "install", "--locked", "--root", str(folder), "--version", CARGO_DENY, "cargo-deny"]
+        session.run(*install, external=True)
+    what = session.posargs or ["licenses", "bans", "sources"]
+    session.run(str(folder / "bin" / "cargo-deny"), "--locked", "check", *what, external=True)
 
 
 @nox.session

@@ -1,5 +1,6 @@
 """Motion libraries: built from files, kept in a file, joined; and every way a file can be wrong."""
 
+import math
 import time
 
 import oncue_core
@@ -46,6 +47,37 @@ def test_the_summary_counts_every_frame_once(library):
     for row in rows.values():
         assert row["mocap_seconds"] == pytest.approx(row["mirrored_seconds"])
         assert row["procedural_seconds"] == 0
+
+
+def test_a_clip_goes_out_as_a_bvh_and_comes_back(library, tmp_path):
+    assert library.clip_names == ["brisk", "brisk (mirrored)", "slow", "slow (mirrored)"]
+    for number, speed in ((0, 1.2), (2, 0.6)):
+        library.write_bvh(number, tmp_path / "walk.bvh")
+        text = (tmp_path / "walk.bvh").read_text()
+        assert text.startswith("HIERARCHY\nROOT Hips\n{\n\tOFFSET 0.000000")
+        rows = [[float(v) for v in line.split()] for line in text.partition("Frame Time:")[2].splitlines()[1:]]
+        # Centimetres, Y up: it walks as fast as the capture, at the height of our body's hips.
+        path = math.dist(rows[0][0:3:2], rows[-1][0:3:2])
+        assert path / 100 / ((len(rows) - 1) / 30) == pytest.approx(speed, rel=0.05)
+        assert 85 < rows[0][1] < 105
+        again, skipped = oncue_core.build_library([tmp_path], {**MOCAP_ONLY, "mirror": False}).result()
+        assert not skipped
+        assert again.clip_names == ["walk"]
+        assert again.frame_count == len(rows)
+        # Rewritten from what was read of it, it is the same file but for what the calibration measures anew.
+        again.write_bvh(0, tmp_path / "walk.bvh")
+        rewritten = (tmp_path / "walk.bvh").read_text().partition("Frame Time:")[2].splitlines()[1:]
+        for row, line in zip(rows, rewritten, strict=True):
+            heights = float(line.split()[1]) - row[1]
+            assert abs(heights) < 1.5, "centimetres"
+
+
+def test_clips_that_are_not_there_cannot_be_written(library, tmp_path):
+    with pytest.raises(InputError, match="4 clips; none has the number 4"):
+        library.write_bvh(4, tmp_path / "none.bvh")
+    with pytest.raises(OSError, match="nowhere"):
+        library.write_bvh(0, tmp_path / "nowhere" / "walk.bvh")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_mirrored_copies_can_be_left_out(mocap_folder):

@@ -100,6 +100,15 @@ class Library:
     @property
     def clip_count(self) -> int:
         """Clips, mirrored copies included."""
+    @property
+    def clip_names(self) -> list[str]:
+        """The clips' names, in their order: a file's stem, or what the starter library calls it."""
+    def write_bvh(self, clip: int, path: str | os.PathLike[str]) -> None:
+        """Writes clip number `clip` as a .bvh file; an earlier one stays as it was until the new one is whole.
+
+        On the unified skeleton at 30 frames a second, in centimetres, Y up, facing +Z at rest; in Blender's importer
+        that is a scale of 0.01 and nothing else. InputError for a number that no clip has, OSError.
+        """
     def foot_figures(self) -> FootFigures:
         """The foot figures of the library's own walking, by the same measures as a report's `foot`."""
     def summary(self) -> Summary:

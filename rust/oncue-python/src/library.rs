@@ -105,6 +105,17 @@ impl Library {
         self.inner.clips.len()
     }
 
+    /// The clips' names, in their order.
+    #[getter]
+    fn clip_names(&self) -> Vec<&str> {
+        self.inner.clips.iter().map(|clip| clip.name.as_str()).collect()
+    }
+
+    /// Writes clip number `clip` as a .bvh file; an earlier one stays as it was until the new one is whole.
+    fn write_bvh(&self, py: Python<'_>, clip: usize, path: PathBuf) -> PyResult<()> {
+        job::run(py, || self.inner.write_bvh(clip, &path))
+    }
+
     /// The foot figures of the library's own walking, by the same measures as a report's.
     fn foot_figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let figures = job::run(py, || Ok(self.inner.foot_figures()))?;

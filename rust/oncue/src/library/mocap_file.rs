@@ -1,11 +1,10 @@
-//! Motion capture files: `.bvh` read with the `bvh_anim` crate behind [`super::mocap_text`].
+//! Motion capture files: a `.bvh`'s joints and numbers, and the poses that they stand for.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use glam::{Quat, Vec3};
 
-use super::mocap_text::{self, NormalText};
+use super::mocap_text::{self, Channel, MocapText};
 use crate::error::{Error, Result};
 
 /// Larger files are refused before they are read.
@@ -67,59 +66,43 @@ pub fn read(path: &Path) -> Result<MocapFile> {
 
 /// Reads the bytes of a `.bvh` file. The error is a sentence without the file's name.
 pub(crate) fn parse(bytes: &[u8]) -> std::result::Result<MocapFile, String> {
-    let normal = mocap_text::normalize(bytes)?;
-    // The crate panics on text it does not expect. The normaliser leaves none; this is the last resort.
-    let bvh = catch_unwind(AssertUnwindSafe(|| bvh_anim::from_bytes(normal.text.as_bytes())))
-        .map_err(|_| "the reader could not make sense of it.".to_owned())?
-        .map_err(|e| format!("the reader could not make sense of it ({e})."))?;
-    from_bvh(&bvh, normal)
+    mocap_text::read(bytes).map(MocapFile::from)
 }
 
-fn from_bvh(bvh: &bvh_anim::Bvh, normal: NormalText) -> std::result::Result<MocapFile, String> {
-    let mut joints = Vec::with_capacity(normal.names.len());
-    let mut values = Vec::with_capacity(normal.frame_count * bvh.num_channels());
-    for frame in bvh.frames() {
-        values.extend_from_slice(frame.as_slice());
+impl From<MocapText> for MocapFile {
+    fn from(text: MocapText) -> Self {
+        let MocapText { joints, frame_time, channel_count, values } = text;
+        let moves = |column: usize| values.iter().skip(column).step_by(channel_count).any(|v| v.abs() > 1e-6);
+        let mut columns = 0..channel_count;
+        let joints = joints
+            .into_iter()
+            .map(|joint| {
+                let (mut position, mut rotation) = ([None; 3], Vec::new());
+                for (channel, column) in joint.channels.iter().zip(&mut columns) {
+                    match *channel {
+                        Channel::Position(axis) => position[axis] = Some(column),
+                        Channel::Rotation(axis) => rotation.push((axis, column)),
+                    }
+                }
+                // Some exporters give every joint position channels and leave them at zero.
+                let position_used =
+                    joint.parent.is_none() || position.iter().flatten().any(|&column| moves(column));
+                MocapJoint {
+                    name: joint.name,
+                    parent: joint.parent,
+                    offset: Vec3::from(joint.offset),
+                    end_site: joint.end_site.map(Vec3::from),
+                    position,
+                    rotation,
+                    position_used,
+                }
+            })
+            .collect();
+        let rate = 1.0 / frame_time;
+        // 0.0333333 and .0083333 are meant as 30 and 120 Hz.
+        let frame_rate = if (rate - rate.round()).abs() < 2e-3 * rate.round() { rate.round() } else { rate };
+        Self { joints, frame_rate, channel_count, values }
     }
-    let channel_count = bvh.num_channels();
-    for ((joint, name), parent) in bvh.joints().zip(normal.names).zip(normal.parents) {
-        let data = joint.data();
-        let (mut position, mut rotation) = ([None; 3], Vec::new());
-        for channel in data.channels() {
-            let axis = match channel.channel_type().axis() {
-                bvh_anim::Axis::X => 0,
-                bvh_anim::Axis::Y => 1,
-                bvh_anim::Axis::Z => 2,
-            };
-            if channel.channel_type().is_position() {
-                position[axis] = Some(channel.motion_index());
-            } else {
-                rotation.push((axis, channel.motion_index()));
-            }
-        }
-        // Some exporters give every joint position channels and leave them at zero.
-        let position_used = parent.is_none()
-            || position
-                .iter()
-                .flatten()
-                .any(|&column| values.iter().skip(column).step_by(channel_count).any(|v| v.abs() > 1e-6));
-        joints.push(MocapJoint {
-            name,
-            parent,
-            offset: Vec3::new(data.offset().x, data.offset().y, data.offset().z),
-            end_site: data.end_site().map(|e| Vec3::new(e.x, e.y, e.z)),
-            position,
-            rotation,
-            position_used,
-        });
-    }
-    if values.len() != normal.frame_count * channel_count || joints.iter().any(|j| !j.offset.is_finite()) {
-        return Err("the reader could not make sense of it.".into());
-    }
-    let rate = 1.0 / normal.frame_time;
-    // 0.0333333 and .0083333 are meant as 30 and 120 Hz.
-    let frame_rate = if (rate - rate.round()).abs() < 2e-3 * rate.round() { rate.round() } else { rate };
-    Ok(MocapFile { joints, frame_rate, channel_count, values })
 }
 
 impl MocapFile {

@@ -7,8 +7,6 @@
 //! blocks of 16 with the frame as the fastest index, so that the loops vectorise; AVX2 is chosen at run
 //! time, and both paths do the same arithmetic in the same order.
 
-use std::convert::Infallible;
-
 use crate::math::eigen::symmetric_eigen;
 use crate::simd::{Kernel, Level, Simd};
 
@@ -311,8 +309,8 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     lanes.iter().sum::<f32>() + rest
 }
 
-/// The eigenvectors of the covariance of `rows` (each `size` long), largest variance first, one a row:
-/// cyclic Jacobi, in f64. Orthonormal whatever the data.
+/// The eigenvectors of the covariance of `rows` (each `size` long), largest variance first, one a row.
+/// Orthonormal whatever the data: the axes themselves where a number is not finite.
 fn principal_directions(rows: &[f32], size: usize) -> Vec<f32> {
     let n = (rows.len() / size.max(1)).max(1) as f64;
     let mut mean = vec![0.0f64; size];
@@ -336,8 +334,10 @@ fn principal_directions(rows: &[f32], size: usize) -> Vec<f32> {
             a[j * size + i] = a[i * size + j];
         }
     }
-    let Ok((_, vectors)) = symmetric_eigen(&mut a, size, || Ok::<(), Infallible>(()));
-    vectors.into_iter().map(|v| v as f32).collect()
+    match symmetric_eigen(&a, size) {
+        Some((_, vectors)) => vectors.into_iter().map(|v| v as f32).collect(),
+        None => (0..size * size).map(|i| f32::from(u8::from(i / size == i % size))).collect(),
+    }
 }
 
 #[cfg(test)]
