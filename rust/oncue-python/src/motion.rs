@@ -1,7 +1,8 @@
 //! Motions as arrays: out as new ones, in as checked copies.
 
 use glam::{Quat, Vec3};
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use ndarray::{Array2, Array3, Ix2, Ix3};
+use numpy::{IntoPyArray, PyArray2, PyArray3};
 use oncue::Motion;
 use oncue::motion::{JOINT_COUNT, Posture};
 use pyo3::prelude::*;
@@ -18,14 +19,17 @@ pub struct MotionArrays {
 
 pub fn to_arrays(py: Python<'_>, motion: &Motion) -> PyResult<MotionArrays> {
     let frames = motion.len();
-    let positions = motion.postures.iter().flat_map(|p| p.root_position.to_array());
-    let quaternions = motion.postures.iter().flat_map(|p| &p.rotations);
-    let rotations = quaternions.flat_map(|q| [q.w, q.x, q.y, q.z]);
-    let contacts = motion.contacts.iter().flatten().copied();
+    let root_positions =
+        Array2::from_shape_fn((frames, 3), |(f, axis)| motion.postures[f].root_position[axis]);
+    let rotations = Array3::from_shape_fn((frames, JOINT_COUNT, 4), |(f, joint, part)| {
+        let q = motion.postures[f].rotations[joint];
+        [q.w, q.x, q.y, q.z][part]
+    });
+    let contacts = Array2::from_shape_fn((frames, 2), |(f, side)| motion.contacts[f][side]);
     Ok(MotionArrays {
-        root_positions: PyArray1::from_iter(py, positions).reshape([frames, 3])?.unbind(),
-        rotations: PyArray1::from_iter(py, rotations).reshape([frames, JOINT_COUNT, 4])?.unbind(),
-        contacts: PyArray1::from_iter(py, contacts).reshape([frames, 2])?.unbind(),
+        root_positions: root_positions.into_pyarray(py).unbind(),
+        rotations: rotations.into_pyarray(py).unbind(),
+        contacts: contacts.into_pyarray(py).unbind(),
     })
 }
 
@@ -35,16 +39,22 @@ pub fn from_arrays(
     rotations: &Bound<'_, PyAny>,
     contacts: &Bound<'_, PyAny>,
 ) -> PyResult<Motion> {
-    let positions = array("root_positions", root_positions, &[None, Some(3)])?;
-    let frames = positions.len() / 3;
-    let rotations = array("rotations", rotations, &[Some(frames), Some(JOINT_COUNT), Some(4)])?;
-    let contacts = array("contacts", contacts, &[Some(frames), Some(2)])?;
-    let places = positions.chunks_exact(3).map(Vec3::from_slice);
-    let turns = rotations.chunks_exact(4 * JOINT_COUNT).map(|row| {
-        std::array::from_fn(|j| Quat::from_xyzw(row[4 * j + 1], row[4 * j + 2], row[4 * j + 3], row[4 * j]))
-    });
-    let postures: Vec<Posture> =
-        places.zip(turns).map(|(root_position, rotations)| Posture { root_position, rotations }).collect();
+    let positions = array::<f32, Ix2>("root_positions", root_positions, &[None, Some(3)])?;
+    let frames = positions.nrows();
+    let rotations = array::<f32, Ix3>("rotations", rotations, &[Some(frames), Some(JOINT_COUNT), Some(4)])?;
+    let contacts = array::<f32, Ix2>("contacts", contacts, &[Some(frames), Some(2)])?;
+    let postures: Vec<Posture> = positions
+        .rows()
+        .into_iter()
+        .zip(rotations.outer_iter())
+        .map(|(place, turns)| Posture {
+            root_position: Vec3::new(place[0], place[1], place[2]),
+            rotations: std::array::from_fn(|j| {
+                let q = turns.row(j);
+                Quat::from_xyzw(q[1], q[2], q[3], q[0])
+            }),
+        })
+        .collect();
     let unit = |q: &Quat| (q.length() - 1.0).abs() < 1e-2;
     for (frame, posture) in postures.iter().enumerate() {
         if !posture.root_position.is_finite() || !posture.rotations.iter().all(unit) {
@@ -53,5 +63,5 @@ pub fn from_arrays(
             )));
         }
     }
-    Ok(Motion { postures, contacts: contacts.chunks_exact(2).map(|c| [c[0], c[1]]).collect() })
+    Ok(Motion { postures, contacts: contacts.rows().into_iter().map(|c| [c[0], c[1]]).collect() })
 }

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use glam::Vec3;
+use ndarray::Ix2;
 use oncue::Task;
 use oncue::scene::{SceneSettings, check_task as check};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::rows_of_three;
+use crate::arrays::array;
 use crate::job::{self, Job};
 use crate::json;
 
@@ -54,9 +55,10 @@ pub fn index_scene(
     triangles: &Bound<'_, PyAny>,
     settings: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Job> {
-    let positions: Vec<Vec3> =
-        rows_of_three::<f32>("positions", positions)?.into_iter().map(Vec3::from_array).collect();
-    let triangles = rows_of_three::<u32>("triangles", triangles)?;
+    let positions = array::<f32, Ix2>("positions", positions, &[None, Some(3)])?;
+    let positions: Vec<Vec3> = positions.rows().into_iter().map(|p| Vec3::new(p[0], p[1], p[2])).collect();
+    let triangles = array::<u32, Ix2>("triangles", triangles, &[None, Some(3)])?;
+    let triangles: Vec<[u32; 3]> = triangles.rows().into_iter().map(|t| [t[0], t[1], t[2]]).collect();
     let settings: SceneSettings = json::from_optional_dict("scene settings", settings)?;
     Job::start(
         move |progress| oncue::scene::SceneIndex::build(&positions, &triangles, &settings, progress),

@@ -197,7 +197,10 @@ fn real_searches(environment: &Environment) {
     for (action_type, queries, hints) in recorded(environment) {
         let (frames, all) = entries(environment.database, action_type);
         let weights = environment.database.weights.vector(action_type);
-        let index = SearchIndex::build(&all, &weights);
+        let index = SearchIndex::build(
+            ndarray::ArrayView2::from_shape((frames.len(), weights.len()), &all).expect("features"),
+            &weights,
+        );
         let hints: Vec<_> = hints.iter().map(|hint| frames.binary_search(&(*hint)?).ok()).collect();
         let mut found = Vec::new();
         let microseconds = (0..3)

@@ -2,11 +2,13 @@
 //! index an action type.
 
 use glam::{Quat, Vec3};
+use ndarray::{Array2, aview1};
 use rayon::prelude::*;
 
 use super::clip::{MotionLibrary, Segment};
 use super::feature::{
-    FUTURE_FRAMES, FeatureWeights, Future, PoseFeature, feature_size, pose_feature, write_feature,
+    FUTURE_FRAMES, FeatureWeights, Future, MAX_FEATURE, PoseFeature, feature_size, pose_feature,
+    write_feature,
 };
 use super::search::SearchIndex;
 use crate::action::{ActionLabel, ActionType, Completion, FutureKind};
@@ -207,7 +209,7 @@ impl MotionDatabase {
 
     fn index(&self, action_type: ActionType, progress: &Progress) -> Result<ActionIndex> {
         let size = feature_size(action_type);
-        let mut features = Vec::new();
+        let mut features = Array2::zeros((0, size));
         let mut frames = Vec::new();
         let mut entries = vec![u32::MAX; self.frames.len()];
         let mut reach = 0.0f32;
@@ -221,12 +223,14 @@ impl MotionDatabase {
                 }
                 entries[f] = frames.len() as u32;
                 frames.push(f as u32);
-                let at = features.len();
-                features.resize(at + size, 0.0);
-                write_feature(&self.pose_features[f], &future, &mut features[at..]);
+                let mut feature = [0.0; MAX_FEATURE];
+                write_feature(&self.pose_features[f], &future, &mut feature[..size]);
+                features
+                    .push_row(aview1(&feature[..size]))
+                    .unwrap_or_else(|_| unreachable!("a row of its size"));
             }
         }
-        let search = SearchIndex::build(&features, &self.weights.vector(action_type));
+        let search = SearchIndex::build(features.view(), &self.weights.vector(action_type));
         Ok(ActionIndex { search, frames, entries, reach })
     }
 

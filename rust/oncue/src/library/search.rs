@@ -7,6 +7,8 @@
 //! blocks of 16 with the frame as the fastest index, so that the loops vectorise; AVX2 is chosen at run
 //! time, and both paths do the same arithmetic in the same order.
 
+use ndarray::ArrayView2;
+
 use crate::math::eigen::symmetric_eigen;
 use crate::simd::{Kernel, Level, Simd};
 
@@ -53,14 +55,18 @@ pub struct SearchIndex {
 }
 
 impl SearchIndex {
-    /// Builds the index over `features`, `weights.len()` numbers an entry.
-    pub fn build(features: &[f32], weights: &[f32]) -> Self {
-        let size = weights.len();
-        let entries = features.len().checked_div(size).unwrap_or(0);
+    /// Builds the index over `features`, (entries × numbers of a feature), of which each column has its weight.
+    ///
+    /// # Panics
+    /// When there are not as many weights as columns; shapes are fixed by the code, never by input.
+    pub fn build(features: ArrayView2<f32>, weights: &[f32]) -> Self {
+        let (entries, size) = features.dim();
+        assert_eq!(size, weights.len());
         let components = size.next_multiple_of(STRIDE).max(BOXED);
         let weighted: Vec<f32> = features
-            .chunks_exact(size.max(1))
-            .flat_map(|y| y.iter().zip(weights).map(|(y, w)| y * w))
+            .rows()
+            .into_iter()
+            .flat_map(|y| y.into_iter().zip(weights).map(|(y, w)| y * w))
             .collect();
         let mut basis = principal_directions(&weighted, size);
         basis.resize(components * size, 0.0);
@@ -381,7 +387,7 @@ mod tests {
         fn agrees_with_brute_force(seed in 0u64..1000, entries in 1usize..900, size in 3usize..48, noise in 0.0f32..2.0) {
             let y = features(seed, entries, size);
             let weights: Vec<f32> = (0..size).map(|i| 0.2 + 0.1 * i as f32).collect();
-            let index = SearchIndex::build(&y, &weights);
+            let index = SearchIndex::build(ArrayView2::from_shape((entries, size), &y).expect("a matrix"), &weights);
             let mut rng = Pcg32::seed_from_u64(seed + 7);
             for _ in 0..8 {
                 let k = rng.random_range(0..entries);
@@ -401,6 +407,9 @@ mod tests {
 
     #[test]
     fn an_empty_index_finds_nothing() {
-        assert_eq!(SearchIndex::build(&[], &[1.0, 2.0]).nearest(&[0.0, 0.0], None), None);
+        assert_eq!(
+            SearchIndex::build(ArrayView2::from(&[[0.0; 2]; 0]), &[1.0, 2.0]).nearest(&[0.0, 0.0], None),
+            None
+        );
     }
 }

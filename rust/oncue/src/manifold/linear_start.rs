@@ -20,7 +20,7 @@ use crate::math::eigen::symmetric_eigen;
 use crate::motion::skeleton::PARENT;
 use crate::motion::{JOINT_COUNT, Posture};
 use crate::nn::Conv1d;
-use crate::nn::matmul::{View, matmul};
+use crate::nn::matmul::{matmul, matrix};
 use crate::progress::Progress;
 
 /// The taps that hold the principal components: those of a coarse frame's own two fine frames.
@@ -46,7 +46,7 @@ impl Components {
             .par_iter()
             .map(|chunk| {
                 progress.check()?;
-                let rows = View::new(chunk, chunk.len() / size, size);
+                let rows = matrix(chunk, chunk.len() / size, size);
                 let mut product = vec![0.0; size * size];
                 matmul(&mut product, rows.t(), rows, false);
                 Ok(product)
@@ -83,7 +83,7 @@ impl Components {
         let (size, count) = (2 * self.width, self.count());
         let rows = chunk.len() / size;
         let mut out = vec![0.0; rows * count];
-        matmul(&mut out, View::new(chunk, rows, size), View::new(&self.directions, count, size).t(), false);
+        matmul(&mut out, matrix(chunk, rows, size), matrix(&self.directions, count, size).t(), false);
         out
     }
 }

@@ -15,12 +15,13 @@
 //! The even and the odd taps go to two threads and are joined in a fixed order: the result does not depend on
 //! how many there are.
 
+use ndarray::ArrayView2;
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::matmul::{View, matmul};
+use super::matmul::{matmul, matrix};
 
 /// Width of the kernel, frames (LAMA, supplementary).
 pub(crate) const KERNEL: usize = 25;
@@ -83,10 +84,10 @@ impl Conv1d {
     }
 
     /// W_k, or its transpose.
-    fn tap(&self, k: usize, transposed: bool) -> View<'_> {
+    fn tap(&self, k: usize, transposed: bool) -> ArrayView2<'_, f32> {
         let size = self.inputs * self.outputs;
-        let view = View::new(&self.parameters[k * size..(k + 1) * size], self.inputs, self.outputs);
-        if transposed { view.t() } else { view }
+        let view = matrix(&self.parameters[k * size..(k + 1) * size], self.inputs, self.outputs);
+        if transposed { view.reversed_axes() } else { view }
     }
 
     /// The layer's output. `input` is fine for [`Direction::Down`] and coarse for [`Direction::Up`], `output` the
@@ -116,8 +117,8 @@ impl Conv1d {
                 Direction::Down => (fine, coarse),
                 Direction::Up => (coarse, fine),
             };
-            let x = View::new(&input[i * self.inputs..], rows, self.inputs);
-            let d = View::new(&d_output[o * self.outputs..], rows, self.outputs);
+            let x = matrix(&input[i * self.inputs..], rows, self.inputs);
+            let d = matrix(&d_output[o * self.outputs..], rows, self.outputs);
             matmul(d_weight, x.t(), d, false);
         });
         d_bias.fill(0.0);
@@ -141,7 +142,7 @@ impl Conv1d {
             for k in (phase..KERNEL).step_by(2) {
                 let (f, c, rows) = spans(k, shape);
                 let out = &mut out[c * to..(c + rows) * to];
-                matmul(out, View::new(&fine[f * from..], rows, from), self.tap(k, transposed), true);
+                matmul(out, matrix(&fine[f * from..], rows, from), self.tap(k, transposed), true);
             }
         };
         prepare(coarse, shape.frames * shape.batch, to, bias);
@@ -166,7 +167,7 @@ impl Conv1d {
                 let (f, c, rows) = spans(k, shape);
                 let f = f - phase * phase_rows;
                 let out = &mut out[f * to..(f + rows) * to];
-                matmul(out, View::new(&coarse[c * from..], rows, from), self.tap(k, transposed), true);
+                matmul(out, matrix(&coarse[c * from..], rows, from), self.tap(k, transposed), true);
             }
         };
         prepare(fine, 2 * phase_rows, to, bias);

@@ -1,49 +1,21 @@
-//! C = A·B (+ C) on strided views: [`super::product`] for matrices that lie anyhow.
+//! C = A·B (+ C) on views of any strides: [`super::product`] for matrices that lie anyhow.
 
 use std::cell::RefCell;
+
+use ndarray::ArrayView2;
 
 use super::product::{Finish, Padded, Start, TILE, multiply};
 use super::samples::Samples;
 use crate::simd::Level;
 
-/// A read-only matrix view: element (r, c) is `data[r * row_stride + c * col_stride]`.
-#[derive(Clone, Copy)]
-pub(crate) struct View<'a> {
-    pub data: &'a [f32],
-    pub rows: usize,
-    pub cols: usize,
-    pub row_stride: usize,
-    pub col_stride: usize,
-}
-
-impl<'a> View<'a> {
-    /// A dense row-major matrix.
-    pub(crate) fn new(data: &'a [f32], rows: usize, cols: usize) -> Self {
-        Self { data, rows, cols, row_stride: cols, col_stride: 1 }
-    }
-
-    /// The transpose, without a copy.
-    pub(crate) fn t(self) -> Self {
-        Self {
-            data: self.data,
-            rows: self.cols,
-            cols: self.rows,
-            row_stride: self.col_stride,
-            col_stride: self.row_stride,
-        }
-    }
-
-    #[inline(always)]
-    pub(crate) fn at(&self, row: usize, column: usize) -> f32 {
-        self.data[row * self.row_stride + column * self.col_stride]
-    }
-
-    /// Whether all of its elements lie within the data.
-    pub(crate) fn fits(&self) -> bool {
-        self.rows == 0
-            || self.cols == 0
-            || (self.rows - 1) * self.row_stride + (self.cols - 1) * self.col_stride < self.data.len()
-    }
+/// The first `rows` × `columns` numbers of `data` as a dense row-major matrix.
+///
+/// # Panics
+/// When there are fewer; shapes are fixed by the code, never by input.
+pub(crate) fn matrix(data: &[f32], rows: usize, columns: usize) -> ArrayView2<'_, f32> {
+    let data = &data[..rows * columns];
+    ArrayView2::from_shape((rows, columns), data)
+        .unwrap_or_else(|_| unreachable!("as many numbers as the shape has"))
 }
 
 /// Matrices that a product needs in another form than they came in.
@@ -57,33 +29,38 @@ thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
 
-/// `c = a · b + (accumulate ? c : 0)`, with `c` dense row-major (a.rows × b.cols), on the calling thread.
+/// `c = a · b + (accumulate ? c : 0)`, with `c` dense row-major (a.nrows() × b.cols), on the calling thread.
 ///
 /// # Panics
 /// When the shapes do not fit; shapes are fixed by the code, never by input.
-pub(crate) fn matmul(c: &mut [f32], a: View, b: View, accumulate: bool) {
+pub(crate) fn matmul(c: &mut [f32], a: ArrayView2<f32>, b: ArrayView2<f32>, accumulate: bool) {
     matmul_at(Level::current(), c, a, b, accumulate);
 }
 
 /// [`matmul`] at a level that the processor has.
-pub(super) fn matmul_at(level: Level, c: &mut [f32], a: View, b: View, accumulate: bool) {
-    assert_eq!(a.cols, b.rows);
-    assert!(a.fits() && b.fits() && c.len() >= a.rows * b.cols);
-    if a.rows == 0 || b.cols == 0 {
+pub(super) fn matmul_at(
+    level: Level,
+    c: &mut [f32],
+    a: ArrayView2<f32>,
+    b: ArrayView2<f32>,
+    accumulate: bool,
+) {
+    assert_eq!(a.ncols(), b.nrows());
+    assert!(c.len() >= a.nrows() * b.ncols());
+    if a.nrows() == 0 || b.ncols() == 0 {
         return;
     }
-    let columns = b.cols;
+    let columns = b.ncols();
     // What is not a whole number of tiles wide goes by way of the scratch.
     let (whole, rest) = (columns / TILE * TILE, columns % TILE);
     SCRATCH.with_borrow_mut(|scratch| {
         let start = if accumulate { Start::Kept } else { Start::Zero };
-        let direct = b.col_stride == 1;
-        if whole > 0 && direct {
-            let (b, c) =
-                (Padded { data: b.data, stride: b.row_stride }, Padded { data: &mut *c, stride: columns });
+        let direct = Padded::of(&b);
+        if let Some(b) = direct.filter(|_| whole > 0) {
+            let c = Padded { data: &mut *c, stride: columns };
             multiply(level, c, a, b, whole, start, Finish::Plain);
         }
-        let from = if direct { whole } else { 0 };
+        let from = if direct.is_some() { whole } else { 0 };
         if from == columns {
             return;
         }
@@ -93,7 +70,7 @@ pub(super) fn matmul_at(level: Level, c: &mut [f32], a: View, b: View, accumulat
             multiply(level, c, a, scratch.b.padded(), columns, start, Finish::Plain);
             return;
         }
-        scratch.c.reshape(a.rows, columns - from);
+        scratch.c.reshape(a.nrows(), columns - from);
         multiply(
             level,
             scratch.c.padded_mut(),
@@ -103,7 +80,7 @@ pub(super) fn matmul_at(level: Level, c: &mut [f32], a: View, b: View, accumulat
             Start::Zero,
             Finish::Plain,
         );
-        for (row, c) in c.chunks_exact_mut(columns).take(a.rows).enumerate() {
+        for (row, c) in c.chunks_exact_mut(columns).take(a.nrows()).enumerate() {
             let (sums, c) = (scratch.c.row(row), &mut c[from..]);
             if accumulate {
                 c.iter_mut().zip(sums).for_each(|(c, sum)| *c += sum);
@@ -125,9 +102,9 @@ mod tests {
         let a = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]; // 2 × 3
         let b = [1.0, 0.0, 2.0, 1.0, 0.0, 3.0]; // 3 × 2
         let mut c = [10.0; 4];
-        matmul(&mut c, View::new(&a, 2, 3), View::new(&b, 3, 2), false);
+        matmul(&mut c, matrix(&a, 2, 3), matrix(&b, 3, 2), false);
         assert_eq!(c, [5.0, 11.0, 14.0, 23.0]);
-        matmul(&mut c, View::new(&b, 3, 2).t(), View::new(&a, 2, 3).t(), true);
+        matmul(&mut c, matrix(&b, 3, 2).reversed_axes(), matrix(&a, 2, 3).reversed_axes(), true);
         assert_eq!(c, [10.0, 25.0, 25.0, 46.0]);
     }
 
@@ -147,13 +124,13 @@ mod tests {
                     };
                     let (a, b) = (random(m * k, &mut rng), random(k * n, &mut rng));
                     let before = random(m * n, &mut rng);
-                    let a = if turn_a { View::new(&a, k, m).t() } else { View::new(&a, m, k) };
-                    let b = if turn_b { View::new(&b, n, k).t() } else { View::new(&b, k, n) };
+                    let a = if turn_a { matrix(&a, k, m).reversed_axes() } else { matrix(&a, m, k) };
+                    let b = if turn_b { matrix(&b, n, k).reversed_axes() } else { matrix(&b, k, n) };
                     let mut c = before.clone();
                     matmul_at(level, &mut c, a, b, accumulate);
                     for (i, (found, before)) in c.iter().zip(&before).enumerate() {
                         let sum: f64 =
-                            (0..k).map(|k| f64::from(a.at(i / n, k)) * f64::from(b.at(k, i % n))).sum();
+                            (0..k).map(|k| f64::from(a[[i / n, k]]) * f64::from(b[[k, i % n]])).sum();
                         let sum = sum + if accumulate { f64::from(*before) } else { 0.0 };
                         // No more than a rounding of each term.
                         let error = (sum - f64::from(*found)).abs();

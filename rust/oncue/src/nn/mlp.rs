@@ -4,7 +4,7 @@ use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
-use super::matmul::{View, matmul_at};
+use super::matmul::{matmul_at, matrix};
 use super::product::{Finish, Start, add_row_products, multiply};
 use super::samples::Samples;
 use crate::simd::Level;
@@ -106,7 +106,7 @@ impl Mlp {
             let y = &mut after[0];
             y.reshape(outputs, rows);
             let finish = if layer + 1 < layer_count { Finish::Relu } else { Finish::Plain };
-            let weight = View::new(weight, outputs, inputs);
+            let weight = matrix(weight, outputs, inputs);
             multiply(level, y.padded_mut(), weight, x, rows, Start::Bias(bias), finish);
         }
         if let Some(last) = out.layers.last() {
@@ -172,11 +172,19 @@ impl Mlp {
                 *d = sum(upper.row(row));
             }
             if let Some(below) = below {
-                let weight = View::new(&self.parameters[offset..offset + inputs * outputs], outputs, inputs);
+                let weight = matrix(&self.parameters[offset..offset + inputs * outputs], outputs, inputs);
                 lower.reshape(inputs, rows);
                 // ReLU passes the gradient where it passed the value.
                 let finish = Finish::Passed(&below.data);
-                multiply(level, lower.padded_mut(), weight.t(), upper.padded(), rows, Start::Zero, finish);
+                multiply(
+                    level,
+                    lower.padded_mut(),
+                    weight.reversed_axes(),
+                    upper.padded(),
+                    rows,
+                    Start::Zero,
+                    finish,
+                );
                 std::mem::swap(upper, lower);
             }
         }

@@ -4,7 +4,8 @@
 //! have any strides, because its numbers are read one by one. The rows of B must be contiguous and readable to the end of
 //! the last tile. Layers are arranged so that they are ([`super::samples`]).
 
-use super::matmul::View;
+use ndarray::ArrayView2;
+
 use crate::simd::{Kernel, Level, Simd};
 
 /// Columns of the widest tile: rows of B and C are padded to a multiple of it.
@@ -43,7 +44,18 @@ pub(super) struct Padded<T> {
     pub stride: usize,
 }
 
-/// C (`a.rows × columns`) = A·B at a level that the processor has.
+impl<'a> Padded<&'a [f32]> {
+    /// A view's rows, where they lie one after the other, each unbroken.
+    pub(super) fn of(view: &ArrayView2<'a, f32>) -> Option<Self> {
+        let stride = usize::try_from(view.strides()[0]).ok().filter(|_| view.strides()[1] == 1)?;
+        let length = view.nrows().checked_sub(1).map_or(0, |last| last * stride + view.ncols());
+        // SAFETY: a view's elements may be read for as long as it lives, and the memory between them belongs to the same slice: views
+        // of this crate are made of slices alone.
+        Some(Self { data: unsafe { std::slice::from_raw_parts(view.as_ptr(), length) }, stride })
+    }
+}
+
+/// C (rows of A × `columns`) = A·B at a level that the processor has.
 ///
 /// Columns of C between `columns` and the next multiple of [`TILE`] are padding and take any values.
 ///
@@ -52,7 +64,7 @@ pub(super) struct Padded<T> {
 pub(super) fn multiply(
     level: Level,
     c: Padded<&mut [f32]>,
-    a: View,
+    a: ArrayView2<f32>,
     b: Padded<&[f32]>,
     columns: usize,
     start: Start,
@@ -62,27 +74,32 @@ pub(super) fn multiply(
     let holds = |rows: usize, stride: usize, length: usize| {
         rows == 0 || (stride >= width && (rows - 1) * stride + width <= length)
     };
-    assert!(a.fits() && holds(a.cols, b.stride, b.data.len()) && holds(a.rows, c.stride, c.data.len()));
+    let (rows, inner) = a.dim();
+    assert!(holds(inner, b.stride, b.data.len()) && holds(rows, c.stride, c.data.len()));
+    let (Ok(a_row), Ok(a_column)) = (usize::try_from(a.strides()[0]), usize::try_from(a.strides()[1])) else {
+        panic!("a matrix that runs backwards")
+    };
     let bias = match start {
         Start::Bias(bias) => {
-            assert!(bias.len() >= a.rows);
+            assert!(bias.len() >= rows);
             Some(bias)
         }
         _ => None,
     };
     if let Finish::Passed(by) = finish {
-        assert!(holds(a.rows, c.stride, by.len()));
+        assert!(holds(rows, c.stride, by.len()));
     }
-    let depth = a.cols.max(1).div_ceil(DEPTH);
+    let depth = inner.max(1).div_ceil(DEPTH);
     for part in 0..depth {
-        let (from, to) = (part * a.cols / depth, (part + 1) * a.cols / depth);
+        let (from, to) = (part * inner / depth, (part + 1) * inner / depth);
         let call = Call {
-            rows: a.rows,
+            rows,
             columns,
             depth: to - from,
-            a: a.data[(from * a.col_stride).min(a.data.len())..].as_ptr(),
-            a_row: a.row_stride,
-            a_column: a.col_stride,
+            // Never read beyond the view: the part begins within it, or has no columns.
+            a: a.as_ptr().wrapping_add(from * a_column),
+            a_row,
+            a_column,
             b: b.data[(from * b.stride).min(b.data.len())..].as_ptr(),
             b_row: b.stride,
             c: c.data.as_mut_ptr(),

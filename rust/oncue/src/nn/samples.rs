@@ -1,6 +1,7 @@
 //! How the numbers of a batch lie in memory for [`super::product`].
 
-use super::matmul::View;
+use ndarray::{ArrayView2, ShapeBuilder, s};
+
 use super::product::{Padded, TILE};
 
 /// A matrix with its rows padded, so that whole tiles may be read and written.
@@ -36,17 +37,15 @@ impl Samples {
     }
 
     /// Takes the columns of a view from `from` on.
-    pub(super) fn take(&mut self, view: View, from: usize) {
-        let (rows, columns) = (view.rows, view.cols - from);
-        self.reshape(rows, columns);
-        let data = &view.data[(from * view.col_stride).min(view.data.len())..];
-        if view.row_stride == 1 {
-            return transpose(data, view.col_stride, columns, rows, &mut self.data, self.stride);
+    pub(super) fn take(&mut self, view: ArrayView2<f32>, from: usize) {
+        let view = view.slice(s![.., from..]);
+        let (rows, columns) = view.dim();
+        if let Some(turned) = view.t().to_slice() {
+            return self.transpose_dense(turned, columns, rows);
         }
-        for row in 0..rows {
-            for column in 0..columns {
-                self.data[row * self.stride + column] = view.at(row, from + column);
-            }
+        self.reshape(rows, columns);
+        for (to, row) in self.data.chunks_exact_mut(self.stride).zip(view.rows()) {
+            to.iter_mut().zip(row).for_each(|(to, from)| *to = *from);
         }
     }
 
@@ -67,8 +66,9 @@ impl Samples {
         &self.data[row * self.stride..][..self.columns]
     }
 
-    pub(super) fn view(&self) -> View<'_> {
-        View { data: &self.data, rows: self.rows, cols: self.columns, row_stride: self.stride, col_stride: 1 }
+    pub(super) fn view(&self) -> ArrayView2<'_, f32> {
+        let shape = (self.rows, self.columns).strides((self.stride, 1));
+        ArrayView2::from_shape(shape, &self.data).unwrap_or_else(|_| unreachable!("rows within the data"))
     }
 
     pub(super) fn padded(&self) -> Padded<&[f32]> {
