@@ -40,6 +40,7 @@ __all__ = [
     "__version__",
     "build_library",
     "check_task",
+    "cue_types",
     "default_settings",
     "edit_motion",
     "fit_seat",
@@ -369,5 +370,8 @@ def default_settings(preset: str = "default") -> Settings:
 
 def presets() -> list[str]:
     """Names of the presets."""
+
+def cue_types() -> list[str]:
+    """The action types that a cue may ask for, as `ActionCue` names them."""
 
 def skeleton() -> Skeleton: ...

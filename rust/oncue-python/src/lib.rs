@@ -45,5 +45,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(synthesis::synthesize, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::default_settings, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::presets, module)?)?;
+    module.add_function(wrap_pyfunction!(synthesis::cue_types, module)?)?;
     Ok(())
 }

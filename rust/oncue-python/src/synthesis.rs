@@ -5,7 +5,7 @@ use std::time::Instant;
 use numpy::{PyArray2, PyArray3};
 use oncue::editor::shipped_manifold;
 use oncue::motion::FRAME_RATE;
-use oncue::{Settings, Task};
+use oncue::{ActionType, Settings, Task};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -91,6 +91,12 @@ pub fn synthesize(
 pub fn default_settings<'py>(py: Python<'py>, preset: &str) -> PyResult<Bound<'py, PyAny>> {
     let settings = Settings::preset(preset).map_err(|error| to_python(error.into()))?;
     json::to_python(py, &settings)
+}
+
+/// The action types that a cue may ask for.
+#[pyfunction]
+pub fn cue_types(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
+    json::to_python(py, &ActionType::of_cues().collect::<Vec<_>>())
 }
 
 /// Names of the presets.

@@ -438,6 +438,7 @@ mod tests {
     #[test]
     fn rooms_are_sound_and_differ() {
         let (mut sits, mut stops, mut reached) = (0, 0, 0);
+        let mut asked = std::collections::HashSet::new();
         for seed in 0..12 {
             let room = practice_room(seed);
             assert_eq!(room.positions, practice_room(seed).positions);
@@ -451,7 +452,8 @@ mod tests {
             .expect("a room");
             assert!(scene.floor_height().abs() < 0.02);
             for cue in &room.cues {
-                let sit = cue.action_type == ActionType::Sit;
+                asked.insert(cue.action_type);
+                let sit = cue.seat_height().is_some();
                 (sits, stops) = (sits + usize::from(sit), stops + usize::from(!sit));
                 reached += usize::from(!ClearPath::to_cue(&scene, cue).approach_points().is_empty());
                 if sit {
@@ -461,6 +463,7 @@ mod tests {
                 }
             }
         }
+        assert!(ActionType::of_cues().all(|action_type| asked.contains(&action_type)), "{asked:?}");
         assert!(sits > 24 && stops > 12 && reached * 10 > (sits + stops) * 7, "{sits} {stops} {reached}");
     }
 }

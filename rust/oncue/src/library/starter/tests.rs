@@ -7,9 +7,9 @@ use glam::{Vec2, Vec3};
 use super::catalogue::{BAR_HEIGHTS, SEAT_HEIGHTS, SWIVEL_HEIGHTS};
 use super::generate;
 use super::seat::PELVIS_BEHIND_EDGE;
-use crate::action::ActionLabel;
+use crate::action::{ActionLabel, ActionType};
 use crate::library::quality::{faults, measure};
-use crate::library::{Clip, MotionLibrary};
+use crate::library::{Clip, FeatureWeights, MotionDatabase, MotionLibrary};
 use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::{BODY_BOXES, Limb, SEATED_HIPS_HEIGHT};
 use crate::motion::{Joint, Posture};
@@ -252,5 +252,14 @@ fn a_sit_begins_as_walking_or_standing_looks() {
         let start = &clip.motion.postures[first];
         let nearest = others.iter().map(|p| apart(start, p)).fold(f32::INFINITY, f32::min);
         assert!(nearest < 0.12, "{} begins {nearest} m from any walk", clip.name);
+    }
+}
+
+/// Without any capture every action must be there to be played.
+#[test]
+fn every_action_type_has_frames_to_enter() {
+    let database = MotionDatabase::build(&LIBRARY, &FeatureWeights::default(), &Progress::new()).unwrap();
+    for &action_type in ActionType::ALL {
+        assert!(database.entry_count(action_type) > 100, "{action_type:?}");
     }
 }
