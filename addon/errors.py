@@ -6,5 +6,9 @@ class SceneError(Exception):
     """Something in the scene, the cues or the chosen files keeps the run from starting."""
 
 
+class CharacterError(SceneError):
+    """The character is in a state in which it would not play the motion as it is made; it can be reset."""
+
+
 class FollowingEnded(Exception):
     """The cues cannot be followed any further; the message says why."""

@@ -66,7 +66,9 @@ def world_steps(request: Request, cache: LibraryCache, policies: PolicyCache, be
     if before is not None and _same_scene(request, before.request):
         scene = before.scene
     else:
-        scene = yield from finish(native.require().index_scene(request.positions, request.triangles))
+        core = native.require()
+        settings = merged(core.default_settings(request.preset), request.overrides)["scene"]
+        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings))
     return World(request, library, skipped, scene, policies.find(scene, library), manifold)
 
 
@@ -81,7 +83,9 @@ def play_steps(world: World, request: Request, overrides: dict) -> Steps:
 
 
 def _same_scene(a: Request, b: Request) -> bool:
-    return np.array_equal(a.positions, b.positions) and np.array_equal(a.triangles, b.triangles)
+    settings = [(request.preset, request.overrides.get("scene")) for request in (a, b)]
+    same = np.array_equal(a.positions, b.positions) and np.array_equal(a.triangles, b.triangles)
+    return same and settings[0] == settings[1]
 
 
 class Follower:

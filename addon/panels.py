@@ -99,7 +99,11 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
         layout, settings = self.layout, context.scene.oncue
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("seed", "start_frame", "preset", "overrides", "character", "exclude", "scene_scale", "show_cues"):
+        layout.prop(settings, "seed")
+        row = layout.row(align=True)
+        row.prop(settings, "start_frame")
+        row.prop(settings, "starts_with_shot", text="", icon="PREVIEW_RANGE")
+        for name in ("preset", "overrides", "character", "exclude", "scene_scale", "show_cues"):
             layout.prop(settings, name)
         layout.operator("oncue.toggle_exclude")
 

@@ -104,12 +104,12 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     """The whole run. A policy that was optimized is kept in `policies`, and played where the prior fails."""
     core, seconds = native.require(), {}
     manifold = read_manifold(request.manifold)
+    settings = merged(core.default_settings(request.preset), request.overrides)
     with _timed(seconds, "library"):
         library, skipped = yield from library_steps(request.library, cache)
     with _timed(seconds, "scene_index"):
-        scene = yield from finish(core.index_scene(request.positions, request.triangles))
+        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings["scene"]))
     with _timed(seconds, "synthesis"):
-        settings = merged(core.default_settings(request.preset), request.overrides)
         kept = policies.find(scene, library) if policies else None
         synthesis = yield from finish(
             core.synthesize(scene, library, request.task, settings, request.seed, kept, manifold)
@@ -123,9 +123,9 @@ def edit_steps(request: EditRequest) -> Steps:
     """Solves an artist's edit; gives the core's edited motion."""
     core, scene = native.require(), None
     manifold = read_manifold(request.manifold)
-    if request.positions is not None:
-        scene = yield from finish(core.index_scene(request.positions, request.triangles))
     settings = merged(core.default_settings(request.preset), request.overrides)
+    if request.positions is not None:
+        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings["scene"]))
     edited = yield from finish(
         core.edit_motion(
             request.motion.root_positions,
@@ -175,13 +175,19 @@ def checkpoint_of(path: str) -> Path:
 
 
 def merged(settings: dict, overrides: dict, where: str = "") -> dict:
-    """The settings with what `overrides` names replaced. Raises SceneError for a name that there is not."""
+    """The settings with what `overrides` names replaced.
+
+    Raises SceneError for a name that there is not, and for a group that is given as something else.
+    """
     out = dict(settings)
     for name, value in overrides.items():
         if name not in settings:
             raise SceneError(f"There is no setting {where}{name}; choose one of {', '.join(sorted(settings))}.")
-        nested = isinstance(settings[name], dict) and isinstance(value, dict)
-        out[name] = merged(settings[name], value, f"{where}{name}.") if nested else value
+        if isinstance(settings[name], dict):
+            if not isinstance(value, dict):
+                raise SceneError(f"The setting {where}{name} is a group: give it as an object, not as {value!r}.")
+            value = merged(settings[name], value, f"{where}{name}.")
+        out[name] = value
     return out
 
 
@@ -325,12 +331,15 @@ class Run:
         if self._job is None or self._finished:
             return Progress(elapsed_s=now - self._began)
         seen = self._job.progress()
-        if seen["stage"] != self._stage:
-            self._stage, self._stage_began = seen["stage"], now
-        fraction, taken = float(seen["fraction"]), now - self._stage_began
+        # A job that has only begun has no stage yet: it is still that of the one before.
+        stage = seen["stage"] or self._stage or Progress.stage
+        if stage != self._stage:
+            self._stage, self._stage_began = stage, now
+        # The core counts what it has done, which may be more than it meant to do.
+        fraction, taken = min(max(0.0, float(seen["fraction"])), 1.0), now - self._stage_began
         remaining = taken * (1.0 - fraction) / fraction if fraction > 0.03 and taken > 1.0 else None
         return Progress(
-            stage=seen["stage"],
+            stage=stage,
             fraction=fraction,
             update=int(seen["update"]),
             reward=float(seen["reward"]),

@@ -32,6 +32,18 @@ def _presets(_self, _context):
     return _PRESETS
 
 
+def _first_frame(settings) -> int:
+    """The frame that was chosen, else the first of the shot: of the preview range where one is set."""
+    if not settings.starts_with_shot:
+        return settings.chosen_frame
+    scene = settings.id_data
+    return max(scene.frame_preview_start if scene.use_preview_range else scene.frame_start, 0)
+
+
+def _choose_first_frame(settings, frame: int) -> None:
+    settings.chosen_frame, settings.starts_with_shot = frame, False
+
+
 def _confirm_scale(self, _context) -> None:
     self.scale_confirmed = True
 
@@ -92,7 +104,23 @@ class OncueSettings(bpy.types.PropertyGroup):
     seed: IntProperty(
         name="Seed", description="The same seed gives the same motion; another one another take", min=0, default=1
     )
-    start_frame: IntProperty(name="Start Frame", description="Frame of the first key", default=1, min=0, max=1_000_000)
+    start_frame: IntProperty(
+        name="Start Frame",
+        description="Frame of the first key; where none is chosen, the first of the shot",
+        min=0,
+        max=1_000_000,
+        get=_first_frame,
+        set=_choose_first_frame,
+    )
+    starts_with_shot: BoolProperty(
+        name="Start with the Shot",
+        description="Begin at the scene's first frame, or at that of its preview range",
+        default=True,
+    )
+    chosen_frame: IntProperty(options={"HIDDEN"}, default=1)
+    #: The scene's last frame as the artist had it, and as a take made it; -1 where no take did.
+    shot_end: IntProperty(options={"HIDDEN"}, default=-1)
+    fitted_end: IntProperty(options={"HIDDEN"}, default=-1)
     scene_scale: FloatProperty(
         name="Scene Scale",
         description="Metres per scene unit: 1 for a scene in metres, 0.01 for centimetres",

@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from ..errors import SceneError
 from . import mannequin
 from .names import CHARACTER_KEY, oncue_collection
 
@@ -45,7 +46,28 @@ def find_character(scene: bpy.types.Scene, skeleton: dict) -> bpy.types.Object |
     chosen = scene.oncue.character if hasattr(scene, "oncue") else None
     candidates = [chosen] if chosen else []
     candidates += [o for o in scene.objects if o.get(CHARACTER_KEY) and o.type == "ARMATURE"]
-    return next((o for o in candidates if o.name in scene.objects and _fits(o, skeleton)), None)
+    return next((o for o in candidates if _is_in(scene, o) and misfit(o, skeleton) is None), None)
+
+
+def character_of(scene: bpy.types.Scene, skeleton: dict) -> bpy.types.Object | None:
+    """The armature that a run is to move, or None where one is to be made.
+
+    Raises SceneError where the artist chose one of another skeleton: it is not passed over in silence.
+    """
+    chosen = scene.oncue.character
+    if chosen is not None and _is_in(scene, chosen):
+        said = misfit(chosen, skeleton)
+        if said:
+            raise SceneError(
+                f"{chosen.name} {said}, so a motion would bend it wrongly: clear the Character field in Oncue's "
+                "settings, and a character is made."
+            )
+    return find_character(scene, skeleton)
+
+
+def _is_in(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
+    # By identity: a linked object may have another's name.
+    return scene.objects.get(thing.name) == thing
 
 
 def make_character(context: bpy.types.Context, skeleton: dict, metres_per_unit: float = 1.0) -> bpy.types.Object:
@@ -62,14 +84,39 @@ def make_character(context: bpy.types.Context, skeleton: dict, metres_per_unit: 
         _add_bones(data, skeleton, positions)
     for bone in character.pose.bones:
         bone.rotation_mode = "QUATERNION"
-    body = mannequin.make(skeleton, positions)
-    body[CHARACTER_KEY] = True
-    oncue_collection(context).objects.link(body)
-    body.parent = character
-    modifier = body.modifiers.new("Armature", "ARMATURE")
-    modifier.object = character
+    give_skin(context, character, skeleton)
     context.view_layer.update()
     return character
+
+
+def give_skin(context: bpy.types.Context, character: bpy.types.Object, skeleton: dict) -> None:
+    """Binds a mannequin to a character that nothing is bound to: one whose armature was deleted, else a new one."""
+    if any(_is_bound(thing, character) for thing in bpy.data.objects):
+        return
+    body = next((thing for thing in context.scene.objects if _is_abandoned_skin(thing)), None)
+    if body is None:
+        body = mannequin.make(skeleton, rest_positions(skeleton))
+        body[CHARACTER_KEY] = True
+        oncue_collection(context).objects.link(body)
+    body.parent = character
+    body.matrix_parent_inverse.identity()
+    body.matrix_basis.identity()
+    modifier = next((m for m in body.modifiers if m.type == "ARMATURE"), None) or body.modifiers.new(
+        "Armature", "ARMATURE"
+    )
+    modifier.object = character
+    context.view_layer.update()
+
+
+def _is_bound(thing: bpy.types.Object, character: bpy.types.Object) -> bool:
+    deforming = [m.object for m in thing.modifiers if m.type == "ARMATURE"]
+    return bool(thing.users_scene) and thing.type == "MESH" and (thing.parent == character or character in deforming)
+
+
+def _is_abandoned_skin(thing: bpy.types.Object) -> bool:
+    deforming = [m.object for m in thing.modifiers if m.type == "ARMATURE"]
+    orphan = thing.parent is None and not any(deforming) and thing.library is None
+    return thing.type == "MESH" and thing.get(CHARACTER_KEY) is not None and orphan
 
 
 def rest_rotations(character: bpy.types.Object, names: list[str]) -> np.ndarray:
@@ -77,15 +124,21 @@ def rest_rotations(character: bpy.types.Object, names: list[str]) -> np.ndarray:
     return np.array([np.array(character.data.bones[name].matrix_local.to_3x3()) for name in names], dtype=np.float64)
 
 
-def _fits(character: bpy.types.Object, skeleton: dict) -> bool:
+def misfit(character: bpy.types.Object, skeleton: dict) -> str | None:
+    """What keeps an object from being the skeleton's: the rest of a sentence that begins with its name, or None."""
     if character.type != "ARMATURE":
-        return False
-    bones = character.data.bones
-    for name, expected in zip(skeleton["names"], rest_positions(skeleton), strict=True):
-        bone = bones.get(name)
-        if bone is None or (Vector(expected) - bone.head_local).length > REST_TOLERANCE:
-            return False
-    return True
+        return "is no armature"
+    names, bones = list(skeleton["names"]), character.data.bones
+    for joint, expected in enumerate(rest_positions(skeleton)):
+        bone, parent = bones.get(names[joint]), skeleton["parents"][joint]
+        if bone is None:
+            return f"has no bone {names[joint]}"
+        away = (Vector(expected) - bone.head_local).length
+        if away > REST_TOLERANCE:
+            return f"has its bone {bone.name} {100 * away:.1f} cm from where the motion's skeleton has it"
+        if parent is not None and parent >= 0 and (bone.parent is None or bone.parent.name != names[parent]):
+            return f"has its bone {bone.name} not under {names[parent]}"
+    return None
 
 
 def _add_bones(data: bpy.types.Armature, skeleton: dict, positions: np.ndarray) -> None:

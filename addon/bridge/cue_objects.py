@@ -12,6 +12,7 @@ import bmesh
 from mathutils import Matrix, Vector
 
 from ..errors import SceneError
+from . import compat
 from .names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY, oncue_collection
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
@@ -80,6 +81,8 @@ def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metre
     there = [o for o in context.view_layer.objects if o.get(CUE_KEY) in group and o.visible_get()]
     if there:
         cue = there[0]
+        if not cue.is_editable:
+            raise SceneError(f"{cue.name} is linked and cannot be moved: hide it, and press again.")
         if cue[CUE_KEY] != kind:
             cue[CUE_KEY], cue.color = kind, color
             cue.empty_display_type, cue.empty_display_size = shape, size / metres_per_unit
@@ -157,11 +160,14 @@ def _hold(context: bpy.types.Context) -> tuple[bpy.types.Object | None, Vector, 
 
 
 def animated_range(thing: bpy.types.Object | None) -> tuple[int, int] | None:
-    """The frames over which an object, or the nearest of its parents that is animated, has keys."""
+    """The frames over which an object, or the nearest of its parents that is animated, has keys that move it."""
     while thing is not None:
         action = thing.animation_data.action if thing.animation_data else None
-        if action is not None and action.frame_range[1] > action.frame_range[0]:
-            return int(action.frame_range[0]), int(action.frame_range[1])
+        if action is not None:
+            ranges = [curve.range() for curve in compat.action_curves(action, thing) if len(curve.keyframe_points)]
+            first, last = min((r[0] for r in ranges), default=0.0), max((r[1] for r in ranges), default=0.0)
+            if last > first:
+                return int(first), int(last)
         thing = thing.parent
     return None
 

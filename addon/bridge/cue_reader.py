@@ -10,6 +10,8 @@ import bpy
 from ..errors import SceneError
 from .cue_objects import forward_of
 from .names import CUE_KEY
+from .scene_time import current_frame_kept, may_move, moving
+from .what_counts import is_shown
 
 ENDS = ("sit", "stop")
 FEET = ("left_foot", "right_foot")
@@ -21,11 +23,7 @@ STEEPEST = math.sin(math.radians(80.0))
 def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Object]:
     """The empties of these kinds that the viewport shows, by name. Hidden cues wait for another take."""
     return sorted(
-        (
-            o
-            for o in context.view_layer.objects
-            if o.get(CUE_KEY) in kinds and not o.hide_viewport and not o.hide_get(view_layer=context.view_layer)
-        ),
+        (o for o in context.view_layer.objects if o.get(CUE_KEY) in kinds and is_shown(o, context.view_layer)),
         key=lambda o: o.name,
     )
 
@@ -53,6 +51,29 @@ def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0) -> dict:
             "feet": feet,
         },
     }
+
+
+def read_task_at(
+    context: bpy.types.Context, first_frame: int, metres_per_unit: float = 1.0
+) -> tuple[dict, list[tuple[str, str]]]:
+    """`read_task`, and (cue, sentence) of each cue that moves by itself: those are read as they stand at `first_frame`.
+
+    Where the playhead stands then makes no difference. Cues that nothing animates are read where the artist put them.
+    """
+    cues = visible_cues(context, "start", *ENDS, *FEET)
+    animated = [cue for cue in cues if may_move(cue)]
+    moved = moving(context, animated, first_frame) if animated else []
+    if not moved:
+        return read_task(context, metres_per_unit), []
+    scene = context.scene
+    if (scene.frame_current, scene.frame_subframe) == (first_frame, 0.0):
+        task = read_task(context, metres_per_unit)
+    else:
+        with current_frame_kept(scene):
+            scene.frame_set(first_frame)
+            task = read_task(context, metres_per_unit)
+    said = "{} is animated: it was read as it stands at frame {}, where the motion begins."
+    return task, [(cue.name, said.format(cue.name, first_frame)) for cue in moved]
 
 
 def _only_one(cues: list[bpy.types.Object], none: str, many: str) -> bpy.types.Object:

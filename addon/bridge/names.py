@@ -27,7 +27,11 @@ def oncue_collection(context: bpy.types.Context) -> bpy.types.Collection:
     """The scene's collection for cues and character, made when it is missing and never a hidden one."""
     scene = context.scene
     for collection in scene.collection.children:
-        if collection.name.split(".")[0] == COLLECTION_NAME and _usable(context.view_layer, collection):
+        if (
+            collection.name.split(".")[0] == COLLECTION_NAME
+            and collection.is_editable
+            and _usable(context.view_layer, collection)
+        ):
             return collection
     collection = bpy.data.collections.new(COLLECTION_NAME)
     scene.collection.children.link(collection)

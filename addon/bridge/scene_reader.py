@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The evaluated meshes of the scene → one array of world triangles, for the core's scene index.
 
-Modifiers, instances (collections, geometry nodes) and world transforms are in; the character, the cues, what is
-hidden in the viewport, shown as wire or bounds, or excluded, is left out.
+Modifiers, instances (collections, geometry nodes) and world transforms are in, and a mesh in edit mode as it is edited;
+the persons and what belongs to them, the cues, what the view hides, shown as wire or bounds, or excluded, is left out.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ..errors import SceneError
-from .names import CHARACTER_KEY, CUE_KEY, EXCLUDE_KEY
+from .what_counts import Furniture
 
 #: A scene wider than this is hardly modelled in metres.
 WIDEST_ROOM = 60.0
@@ -49,7 +49,7 @@ def read_scene(
     Raises SceneError when nothing can be collided with, and, unless the scale is confirmed, when the scene's size
     says that it was not modelled in metres.
     """
-    left_out = set(exclude.all_objects) if exclude else set()
+    furniture = Furniture(context, exclude)
     depsgraph = context.evaluated_depsgraph_get()
     positions, triangles, skipped = [], [], []
     vertex_count, object_count = 0, 0
@@ -60,13 +60,13 @@ def read_scene(
         if evaluated.type != "MESH" or not instance.show_self:
             continue
         owners = _owners(instance)
-        if any(_is_left_out(owner, left_out) for owner in owners):
+        if not furniture.counts(owners):
             continue
         name = owners[0].name
         mesh = evaluated.data
         key = mesh.as_pointer()
         if key not in meshes:
-            meshes[key] = _read_mesh(mesh)
+            meshes[key] = _read_edited(evaluated) if mesh.is_editmode else _read_mesh(mesh)
         local, corners = meshes[key]
         if not len(corners):
             continue
@@ -137,14 +137,12 @@ def _owners(instance: bpy.types.DepsgraphObjectInstance) -> list[bpy.types.Objec
     return owners
 
 
-def _is_left_out(owner: bpy.types.Object, left_out: set[bpy.types.Object]) -> bool:
-    return (
-        owner in left_out
-        or owner.get(CHARACTER_KEY) is not None
-        or owner.get(CUE_KEY) is not None
-        or bool(owner.get(EXCLUDE_KEY))
-        or owner.display_type in {"WIRE", "BOUNDS"}
-    )
+def _read_edited(evaluated: bpy.types.Object) -> tuple[np.ndarray, np.ndarray]:
+    """`_read_mesh` of an object in edit mode, whose evaluated mesh has no vertices or attributes until it is copied."""
+    try:
+        return _read_mesh(evaluated.to_mesh())
+    finally:
+        evaluated.to_mesh_clear()
 
 
 def _read_mesh(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:

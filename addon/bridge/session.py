@@ -17,11 +17,12 @@ from .. import native
 from ..errors import SceneError
 from ..motion import Motion
 from ..pipeline import EditRequest, LibraryChoice, Outcome, Request
-from . import armature, compat, pins
+from . import armature, character_reset, compat, file_state, pins
 from .action_writer import write_action
-from .cue_reader import read_task
+from .all_or_nothing import all_or_nothing
+from .cue_reader import read_task, read_task_at
 from .hand_reader import read_manipulations
-from .names import REPORT_KEY
+from .names import CHARACTER_KEY, REPORT_KEY
 from .scene_reader import read_scene
 from .take import Take, keep_solved, solved_take
 
@@ -51,9 +52,13 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
 
     Without `hands` the hand cues, for which it goes through the frames, are left out.
     """
-    native.require()
-    settings = context.scene.oncue
-    task = read_task(context, settings.scene_scale)
+    settings, skeleton = context.scene.oncue, native.require().skeleton()
+    file_state.check(context, armature.character_of(context.scene, skeleton), skeleton)
+    task, notes = (
+        read_task_at(context, settings.start_frame, settings.scene_scale)
+        if hands
+        else (read_task(context, settings.scene_scale), [])
+    )
     manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale) if hands else []
     if manipulations:
         task["manipulations"] = manipulations
@@ -75,20 +80,24 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         overrides,
         manifold_path(context.scene),
     )
-    return request, meshes.skipped
+    return request, [*meshes.skipped, *notes]
 
 
 def with_cues(context: bpy.types.Context, request: Request) -> Request:
     """A request with the cues and settings as they are now, hands aside, and its scene as it was. Raises SceneError."""
     settings = context.scene.oncue
+    file_state.check_scene(context.scene)
     task, overrides = read_task(context, settings.scene_scale), read_overrides(settings.overrides)
     return replace(request, task=task, preset=settings.preset, seed=settings.seed, overrides=overrides)
 
 
 def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
-    """What Re-solve needs, and the take as it is before. Raises SceneError; changes nothing."""
+    """What Re-solve needs, and the take as it is before. Raises SceneError; changes nothing but the slot played."""
     core, settings = native.require(), context.scene.oncue
     action = pins.action_of(settings.character)
+    file_state.check(context, settings.character, core.skeleton())
+    # A renamed character plays nothing of a take that is chosen anew until it is told which slot is its own.
+    compat.play_slot(settings.character)
     take = Take(context.scene, settings.character, action, core.skeleton())
     motion, keys, constraints = take.edit()
     report = report_of(action) or {}
@@ -110,6 +119,17 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
         manifold_path(context.scene),
     )
     return request, take
+
+
+def reset_character(context: bpy.types.Context) -> None:
+    """Resets the scene's character. Raises SceneError where it has another skeleton or cannot be edited."""
+    skeleton = native.require().skeleton()
+    character = armature.character_of(context.scene, skeleton)
+    if character is None:
+        raise SceneError("The scene has no character yet: Synthesize makes one.")
+    if not character.is_editable:
+        raise SceneError(f"{character.name} is linked and cannot be changed: make a library override of it.")
+    character_reset.reset_character(context, character, skeleton)
 
 
 def floor_of(report: dict, motion: Motion, skeleton: dict) -> float:
@@ -136,45 +156,53 @@ def write_edit(context: bpy.types.Context, take: Take, edited: object) -> tuple[
 def read_overrides(text: str) -> dict:
     """Settings that depart from the preset. Raises SceneError where the text is no JSON object."""
     try:
-        overrides = json.loads(text) if text.strip() else {}
-    except ValueError as error:
+        overrides = json.loads(text, parse_constant=_refuse_constant) if text.strip() else {}
+    except (ValueError, RecursionError) as error:
         raise SceneError(f"The overrides in the settings are not JSON: {error}.") from error
     if not isinstance(overrides, dict):
         raise SceneError('The overrides in the settings must be a JSON object such as {"ppo": {"updates": 10}}.')
     return overrides
 
 
+def _refuse_constant(word: str) -> None:
+    raise ValueError(f"{word} is no number that a setting can have")
+
+
 def write_outcome(
     context: bpy.types.Context, request: Request, outcome: Outcome, skipped: list[tuple[str, str]]
 ) -> bpy.types.Action:
-    """The character and its new action. The report goes with the action: each take keeps its own."""
-    scene, skeleton, synthesis = context.scene, native.require().skeleton(), outcome.synthesis
-    settings = scene.oncue
-    character = armature.find_character(scene, skeleton)
-    if character is None:
-        character = armature.make_character(context, skeleton, settings.scene_scale)
-    settings.character = character
+    """The character and its new action. The report goes with the action: each take keeps its own.
+
+    Where anything fails the file is left as it was. Raises SceneError where the character cannot take the motion now.
+    """
+    scene, settings, skeleton, synthesis = (
+        context.scene,
+        context.scene.oncue,
+        native.require().skeleton(),
+        outcome.synthesis,
+    )
+    character, names = armature.character_of(scene, skeleton), list(skeleton["names"])
+    # The artist may have changed it since the run began.
+    file_state.check(context, character, skeleton)
     motion = Motion(np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate))
-    action = write_action(
-        context,
-        character,
-        list(skeleton["names"]),
-        motion,
-        name=f"{request.task['cue']['name']} seed {request.seed}",
-        start_frame=settings.start_frame,
-        metres_per_unit=settings.scene_scale,
-        report=full_report(request, outcome, skipped),
-    )
-    solved = solved_take(
-        scene,
-        character,
-        list(skeleton["names"]),
-        motion,
-        np.asarray(synthesis.contacts),
-        start_frame=settings.start_frame,
-        metres_per_unit=settings.scene_scale,
-    )
-    keep_solved(action, solved)
+    placed = {"start_frame": settings.start_frame, "metres_per_unit": settings.scene_scale}
+    with all_or_nothing(context):
+        if character is None:
+            character = armature.make_character(context, skeleton, settings.scene_scale)
+        elif character.get(CHARACTER_KEY):
+            armature.give_skin(context, character, skeleton)
+        settings.character = character
+        action = write_action(
+            context,
+            character,
+            names,
+            motion,
+            name=f"{request.task['cue']['name']} seed {request.seed}",
+            report=full_report(request, outcome, skipped),
+            **placed,
+        )
+        contacts = np.asarray(synthesis.contacts)
+        keep_solved(action, solved_take(scene, character, names, motion, contacts, **placed))
     return action
 
 

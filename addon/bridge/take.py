@@ -21,12 +21,14 @@ from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
 from .action_writer import LOCATION, ROTATION, BoneSpace, data_path
-from .hand_reader import frame_rate
 from .names import SOLVED_KEY
 from .pins import Pin, read_pins, write_pins
+from .scene_time import frame_rate
 
 #: A key that differs by less from what was written is what was written: the file keeps single precision.
 SAME = 2e-6
+#: What moves the armature object, and with it the whole take.
+OBJECT_CHANNELS = ("location", "rotation_", "scale", "delta_")
 #: A frame of the scene this near to one of the core's is that frame.
 ON_FRAME = 1e-6
 
@@ -100,7 +102,7 @@ class Take:
     """An action of the character as it is now, beside what was written. Raises SceneError where they do not fit."""
 
     def __init__(self, scene: bpy.types.Scene, character: bpy.types.Object, action: bpy.types.Action, skeleton: dict):
-        self.action, self.skeleton = action, skeleton
+        self.action, self.skeleton, self._character = action, skeleton, character
         self.names = list(skeleton["names"])
         self.solved = solved_of(action)
         self._check(scene, character)
@@ -124,11 +126,31 @@ class Take:
                 f"{character.name} itself was moved since {self.action.name} was made: move it back, and its Hips bone "
                 "instead."
             )
-        turned = [b.name for b in character.pose.bones if b.name in self.names and b.rotation_mode != "QUATERNION"]
+        turned = [b for b in character.pose.bones if b.name in self.names and b.rotation_mode != "QUATERNION"]
         if turned:
             raise SceneError(
-                f"{turned[0]} does not turn by quaternions any more: set its rotation mode back and key it again."
+                f"{turned[0].name} does not turn by quaternions, in which Re-solve works: set the bones of "
+                f"{character.name} to the Rotation Mode Quaternion (WXYZ), and "
+                "synthesize again where that changes the take."
             )
+        self._check_curves(character)
+
+    def _check_curves(self, character: bpy.types.Object) -> None:
+        """Raises SceneError where the curves do not play what their keys say, or others play along."""
+        own = {(data_path(bone, channel), axis) for bone, channel, axis in self._channels()}
+        bones = tuple(f'pose.bones["{bone}"].' for bone in self.names)
+        for curve in compat.action_curves(self.action, character):
+            title = f"{curve.data_path}[{curve.array_index}] of {self.action.name}"
+            if (curve.data_path, curve.array_index) not in own:
+                if curve.data_path.startswith((*bones, *OBJECT_CHANNELS)):
+                    raise SceneError(f"{title} is keyed, which Re-solve does not know of: delete that channel.")
+                continue
+            if curve.mute or (curve.group is not None and curve.group.mute):
+                raise SceneError(f"{title} is muted, so that its keys do not play: unmute it.")
+            if curve.lock or (curve.group is not None and curve.group.lock):
+                raise SceneError(f"{title} is locked: unlock it, so that Re-solve can write its keys.")
+            if any(not modifier.mute for modifier in curve.modifiers):
+                raise SceneError(f"{title} has a modifier: bake it into keys, mute it or take it out.")
 
     # --- what the artist did ------------------------------------------------------------------------------------------
 
@@ -310,7 +332,9 @@ class Take:
         return self._space.motion(row[None, :3], rotations, self.solved.scene_rate)
 
     def _curves(self) -> dict[tuple[str, int], bpy.types.FCurve]:
-        return {(curve.data_path, curve.array_index): curve for curve in compat.action_curves(self.action)}
+        return {
+            (curve.data_path, curve.array_index): curve for curve in compat.action_curves(self.action, self._character)
+        }
 
     def _frames_of(self, pairs: np.ndarray) -> np.ndarray:
         """Which frame of the motion each key lies on; -1 between frames and outside of the motion."""
