@@ -6,6 +6,10 @@ class SceneError(Exception):
     """Something in the scene, the cues or the chosen files keeps the run from starting."""
 
 
+class ScaleError(SceneError):
+    """The scene's size says that it was not modelled in metres; the scale can be set."""
+
+
 class CharacterError(SceneError):
     """The character is in a state in which it would not play the motion as it is made; it can be reset."""
 

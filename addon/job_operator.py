@@ -9,15 +9,21 @@ that.
 
 from __future__ import annotations
 
+import traceback
+
 import bpy
 from bpy.app.handlers import persistent
 
 from . import native
+from .bridge import session
+from .errors import CharacterError, ScaleError
 from .pipeline import Run, Steps, run_blocking
 
 #: Seconds between two looks at the work.
 TICK = 0.05
 CANCELLED = "Cancelled; the file is as it was."
+#: How long it is said that a run was stopped, seconds.
+STOPPED_NOTE_LASTS = 10.0
 #: How long unregister waits for the core, seconds; it stops within some tenths.
 STOP_WAIT = 10.0
 
@@ -28,10 +34,14 @@ class JobHandle:
     def __init__(self) -> None:
         self.run: Run | None = None
         self.title = ""
-        #: Why the last run was stopped or failed, for the panel; empty after a success.
+        #: Why the last run was stopped or failed, for the panel; empty after a success and once the file has changed.
         self.message = ""
         #: Whether that is a failure; a run that somebody stopped did not fail.
         self.failed = False
+        #: The kind of refusal, where a button helps: a subclass of `SceneError`, else None.
+        self.kind: type[BaseException] | None = None
+        #: What the artist saw when it was said.
+        self._said_of: object = None
         #: What is said where the artist stops the task.
         self.stopped_note = CANCELLED
         self._timer, self._window_manager = None, None
@@ -39,10 +49,35 @@ class JobHandle:
         self._leaving: list[Run] = []
 
     def start(self, context: bpy.types.Context, title: str, run: Run, stopped_note: str = CANCELLED) -> None:
-        self.run, self.title, self.message, self.failed = run, title, "", False
+        self.forget()
+        self.run, self.title = run, title
         self.stopped_note = stopped_note
         self._window_manager = context.window_manager
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
+
+    def say(self, message: str, *, failed: bool = False, kind: type[BaseException] | None = None) -> None:
+        """Shows a message until the file changes; that a run was stopped goes by itself."""
+        self.message, self.failed, self.kind = message, failed, kind
+        # What interrupts a run may be changing the file just now: then it is looked at afterwards.
+        self._said_of = session.what_is_seen(bpy.context) if failed else None
+        if message and not failed and not bpy.app.background:
+            if bpy.app.timers.is_registered(_forget_note):
+                bpy.app.timers.unregister(_forget_note)
+            bpy.app.timers.register(_forget_note, first_interval=STOPPED_NOTE_LASTS)
+
+    def forget(self) -> None:
+        self.say("")
+
+    def forget_outdated(self) -> None:
+        """Takes the message away where the artist has changed something since it was said."""
+        if not self.message:
+            return
+        seen = session.what_is_seen(bpy.context)
+        if self._said_of is None:
+            self._said_of = seen
+        elif self._said_of != seen:
+            self.forget()
+            redraw_sidebars(bpy.context)
 
     def end(self) -> None:
         """Lets the task go; a timer of its own is removed."""
@@ -55,10 +90,10 @@ class JobHandle:
         """Cancels the task and lets it go at once; its threads stop by themselves."""
         if self.run is None:
             return
-        self.message, self.failed = why, False
         self.run.cancel()
         self._leaving = [run for run in (*self._leaving, self.run) if not run.poll()]
         self.end()
+        self.say(why)
 
     def stop_and_wait(self, why: str) -> None:
         """Cancels the task and returns once the core has stopped."""
@@ -97,9 +132,9 @@ class JobOperator:
         """The blocking way: to the end in one go."""
         try:
             self.finish(context, run_blocking(self.begin(context)))
-        except native.expected_errors() as error:
+        except Exception as error:
             return self._refused(error)
-        handle.message = ""
+        handle.forget()
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -111,7 +146,7 @@ class JobOperator:
         try:
             run = Run(self.begin(context))
             run.poll()
-        except native.expected_errors() as error:
+        except Exception as error:
             return self._refused(error)
         self._scene, self._run = context.scene.name, run
         handle.start(context, self.title, run, self.stopped_note)
@@ -120,7 +155,8 @@ class JobOperator:
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS" and self._run is handle.run:
+        # Who presses Esc while the scene plays wants that to stop, and the run to go on.
+        if event.type == "ESC" and event.value == "PRESS" and self._run is handle.run and not is_playing(context):
             handle.stop(self.stopped_note)
         run = self._run
         if run is not handle.run:  # ended here, or from elsewhere
@@ -146,16 +182,26 @@ class JobOperator:
                 self.report({"ERROR"}, f"The result belongs to the scene {self._scene}: show it and run again.")
                 return {"CANCELLED"}
             self.finish(context, value)
-        except native.expected_errors() as error:
+        except Exception as error:
             return self._refused(error)
         finally:
             redraw_sidebars(context)
         return {"FINISHED"}
 
-    def _refused(self, error: BaseException) -> set[str]:
-        handle.failed = not native.is_cancelled(error)
-        handle.message = native.sentence(error) if handle.failed else self.stopped_note
-        self.report({"ERROR" if handle.failed else "INFO"}, handle.message)
+    def _refused(self, error: Exception) -> set[str]:
+        """Says why it ended: in one sentence, whatever it was. What is a bug is told to the console in full."""
+        failed = not native.is_cancelled(error)
+        if not failed:
+            message = self.stopped_note
+        elif isinstance(error, native.expected_errors()):
+            message = native.sentence(error)
+        else:
+            traceback.print_exception(error)
+            why = native.bug_sentence(error)
+            message = f"{self.title} ended by {why} The file is as it was; the console tells more."
+        kind = next((kind for kind in (CharacterError, ScaleError) if isinstance(error, kind)), None)
+        handle.say(message, failed=failed, kind=kind)
+        self.report({"ERROR" if failed else "INFO"}, message)
         return {"CANCELLED"}
 
 
@@ -175,6 +221,11 @@ class ONCUE_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
+def is_playing(context: bpy.types.Context) -> bool:
+    """Whether the animation plays in any window."""
+    return any(window.screen.is_animation_playing for window in context.window_manager.windows)
+
+
 def redraw_sidebars(context: bpy.types.Context) -> None:
     """The sidebars only: the view itself has nothing new to show."""
     for window in context.window_manager.windows:
@@ -183,6 +234,18 @@ def redraw_sidebars(context: bpy.types.Context) -> None:
                 for region in area.regions:
                     if region.type == "UI":
                         region.tag_redraw()
+
+
+@persistent
+def _forget_outdated(*_) -> None:
+    handle.forget_outdated()
+
+
+def _forget_note() -> None:
+    """That a run was stopped is no news any more."""
+    if handle.message and not handle.failed:
+        handle.forget()
+        redraw_sidebars(bpy.context)
 
 
 @persistent
@@ -200,14 +263,18 @@ def register() -> None:
     bpy.app.handlers.load_pre.append(_stop_for_load)
     bpy.app.handlers.undo_pre.append(_stop_for_undo)
     bpy.app.handlers.redo_pre.append(_stop_for_undo)
+    bpy.app.handlers.depsgraph_update_post.append(_forget_outdated)
 
 
 def unregister() -> None:
     handle.stop_and_wait("The run was stopped because Oncue was disabled.")
+    if bpy.app.timers.is_registered(_forget_note):
+        bpy.app.timers.unregister(_forget_note)
     for handlers, ours in (
         (bpy.app.handlers.load_pre, _stop_for_load),
         (bpy.app.handlers.undo_pre, _stop_for_undo),
         (bpy.app.handlers.redo_pre, _stop_for_undo),
+        (bpy.app.handlers.depsgraph_update_post, _forget_outdated),
     ):
         if ours in handlers:
             handlers.remove(ours)

@@ -18,6 +18,7 @@ import numpy as np
 from . import native
 from .pipeline import LibraryCache, Outcome, Request, Run, Steps, finish, library_steps, merged, read_manifold
 from .policy_cache import PolicyCache
+from .scene_frames import told_in_scene_frames
 
 #: Seconds without a change after which things are taken to rest.
 REST = 0.5
@@ -76,9 +77,11 @@ def play_steps(world: World, request: Request, overrides: dict) -> Steps:
     """The motion of the policy that is there; `overrides` come after the request's own."""
     core, began = native.require(), time.perf_counter()
     settings = merged(merged(core.default_settings(request.preset), request.overrides), overrides)
-    synthesis = yield from finish(
-        core.synthesize(world.scene, world.library, request.task, settings, request.seed, world.kept, world.manifold)
-    )
+    with told_in_scene_frames(request.start_frame, request.scene_rate):
+        job = core.synthesize(
+            world.scene, world.library, request.task, settings, request.seed, world.kept, world.manifold
+        )
+        synthesis = yield from finish(job)
     return Outcome(synthesis, {"synthesis": time.perf_counter() - began}, world.skipped_files)
 
 

@@ -18,6 +18,7 @@ from . import native
 from .errors import SceneError
 from .motion import Motion
 from .policy_cache import PolicyCache
+from .scene_frames import CORE_RATE, told_in_scene_frames
 
 #: Ending of a library file that Oncue wrote.
 LIBRARY_SUFFIX = ".oncue"
@@ -53,6 +54,9 @@ class Request:
     overrides: dict = field(default_factory=dict)
     #: File of the manifold that seat and hands are fitted along; empty for the one that ships.
     manifold: str = ""
+    #: The scene's frame at which the motion begins, and the scene's frames a second.
+    start_frame: int = 0
+    scene_rate: float = CORE_RATE
 
 
 @dataclass(frozen=True)
@@ -74,6 +78,9 @@ class EditRequest:
     preset: str = "default"
     overrides: dict = field(default_factory=dict)
     manifold: str = ""
+    #: As of a `Request`.
+    start_frame: int = 0
+    scene_rate: float = CORE_RATE
 
 
 @dataclass(frozen=True)
@@ -109,7 +116,7 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
         library, skipped = yield from library_steps(request.library, cache)
     with _timed(seconds, "scene_index"):
         scene = yield from finish(core.index_scene(request.positions, request.triangles, settings["scene"]))
-    with _timed(seconds, "synthesis"):
+    with _timed(seconds, "synthesis"), told_in_scene_frames(request.start_frame, request.scene_rate):
         kept = policies.find(scene, library) if policies else None
         synthesis = yield from finish(
             core.synthesize(scene, library, request.task, settings, request.seed, kept, manifold)
@@ -126,19 +133,20 @@ def edit_steps(request: EditRequest) -> Steps:
     settings = merged(core.default_settings(request.preset), request.overrides)
     if request.positions is not None:
         scene = yield from finish(core.index_scene(request.positions, request.triangles, settings["scene"]))
-    edited = yield from finish(
-        core.edit_motion(
-            request.motion.root_positions,
-            request.motion.rotations,
-            request.contacts,
-            keys=request.keys,
-            constraints=request.constraints,
-            floor=request.floor,
-            scene=scene,
-            settings=settings,
-            manifold=manifold,
+    with told_in_scene_frames(request.start_frame, request.scene_rate):
+        edited = yield from finish(
+            core.edit_motion(
+                request.motion.root_positions,
+                request.motion.rotations,
+                request.contacts,
+                keys=request.keys,
+                constraints=request.constraints,
+                floor=request.floor,
+                scene=scene,
+                settings=settings,
+                manifold=manifold,
+            )
         )
-    )
     return edited
 
 

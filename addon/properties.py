@@ -17,6 +17,10 @@ from bpy.props import (
 from . import native
 from .bridge.compat import RELATIVE_PATHS
 
+#: The largest number that a property of Blender's has, and the last frame of a scene.
+LARGEST_INTEGER, LAST_FRAME = 2**31 - 1, 1_000_000
+#: Smallest and largest metres per scene unit.
+SCENE_SCALES = (1e-4, 1e4)
 #: Dynamic enum items must stay alive while Blender shows them.
 _PRESETS: list[tuple[str, str, str]] = []
 PRESET_NOTES = {
@@ -68,8 +72,8 @@ class OncueLibraryPath(bpy.types.PropertyGroup):
 class OncueSettings(bpy.types.PropertyGroup):
     """Settings of one scene."""
 
-    library_paths: CollectionProperty(type=OncueLibraryPath)
-    library_index: IntProperty(name="Entry")
+    library_paths: CollectionProperty(description="The motion library's files and folders", type=OncueLibraryPath)
+    library_index: IntProperty(name="Entry", description="The entry that the list shows as chosen")
     starter: EnumProperty(
         name="Starter",
         description="What the procedural starter library adds to your files",
@@ -108,7 +112,7 @@ class OncueSettings(bpy.types.PropertyGroup):
         name="Start Frame",
         description="Frame of the first key; where none is chosen, the first of the shot",
         min=0,
-        max=1_000_000,
+        max=LAST_FRAME,
         get=_first_frame,
         set=_choose_first_frame,
     )
@@ -117,16 +121,17 @@ class OncueSettings(bpy.types.PropertyGroup):
         description="Begin at the scene's first frame, or at that of its preview range",
         default=True,
     )
-    chosen_frame: IntProperty(options={"HIDDEN"}, default=1)
-    #: The scene's last frame as the artist had it, and as a take made it; -1 where no take did.
-    shot_end: IntProperty(options={"HIDDEN"}, default=-1)
-    fitted_end: IntProperty(options={"HIDDEN"}, default=-1)
+    chosen_frame: IntProperty(description="The start frame that was chosen", options={"HIDDEN"}, default=1)
+    shot_end: IntProperty(description="The scene's last frame as the artist had it", options={"HIDDEN"}, default=-1)
+    fitted_end: IntProperty(
+        description="The scene's last frame as a take made it; -1 where none did", options={"HIDDEN"}, default=-1
+    )
     scene_scale: FloatProperty(
         name="Scene Scale",
         description="Metres per scene unit: 1 for a scene in metres, 0.01 for centimetres",
         default=1.0,
-        min=1e-4,
-        max=1e4,
+        min=SCENE_SCALES[0],
+        max=SCENE_SCALES[1],
         precision=4,
         update=_confirm_scale,
     )

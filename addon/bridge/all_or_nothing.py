@@ -34,6 +34,21 @@ def all_or_nothing(context: bpy.types.Context) -> Iterator[None]:
         raise
 
 
+@contextmanager
+def kept_if_it_fails(action: bpy.types.Action) -> Iterator[None]:
+    """Where the block fails, everything that used the action has it as it was before."""
+    name, kept = action.name, action.copy()
+    try:
+        yield
+    except BaseException:
+        kept.use_fake_user = action.use_fake_user
+        action.user_remap(kept)
+        bpy.data.actions.remove(action)
+        kept.name = name
+        raise
+    bpy.data.actions.remove(kept)
+
+
 def _played(character: bpy.types.Object | None) -> tuple | None:
     data = character.animation_data if character else None
     if data is None:

@@ -110,7 +110,7 @@ def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) ->
     left = Vector((-forward.y, forward.x, 0.0))
     ahead, aside = (0.42 if cue[CUE_KEY] == "sit" else 0.0), (0.10 if side == "left" else -0.10)
     place = cue.matrix_world.translation + (forward * ahead + left * aside) * unit
-    starts = [o for o in context.view_layer.objects if o.get(CUE_KEY) == "start"]
+    starts = [o for o in context.view_layer.objects if o.get(CUE_KEY) == "start" and o.visible_get()]
     if starts:
         place.z = starts[0].matrix_world.translation.z
     elif cue[CUE_KEY] == "sit":

@@ -28,8 +28,11 @@ def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Obje
     )
 
 
-def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0) -> dict:
-    """The task as the core takes it: metres, radians. Raises SceneError naming the cue that is missing or too many."""
+def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_drawn: bool = False) -> dict:
+    """The task as the core takes it: metres, radians. Raises SceneError naming the cue that is missing or too many.
+
+    `as_drawn`: as the view shows it now, without evaluating anything.
+    """
     start = _only_one(
         visible_cues(context, "start"),
         "There is no Start cue: place one where the character begins (Oncue tab, Start).",
@@ -40,7 +43,7 @@ def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0) -> dict:
         "There is no Sit or Stop cue: place one where the character is to end (Oncue tab, Sit or Stop).",
         "There are {count} Sit and Stop cues ({names}): a run fulfils one, so hide or delete the others.",
     )
-    depsgraph = context.evaluated_depsgraph_get()
+    depsgraph = None if as_drawn else context.evaluated_depsgraph_get()
     feet = [_foot(context, depsgraph, kind, cue, metres_per_unit) for kind in FEET]
     return {
         "start": {"name": start.name, **_placement(start, depsgraph, metres_per_unit)},
@@ -97,7 +100,7 @@ def _foot(context, depsgraph, kind: str, cue: bpy.types.Object, metres_per_unit:
 
 
 def _placement(cue: bpy.types.Object, depsgraph, metres_per_unit: float) -> dict:
-    forward = forward_of(cue.evaluated_get(depsgraph).matrix_world)
+    forward = forward_of(_matrix(cue, depsgraph))
     if not forward.length > 0.5 or abs(forward.z) > STEEPEST:
         raise SceneError(
             f"{cue.name} faces straight up or down, or has no size: turn it so that its -Y axis lies level."
@@ -108,8 +111,12 @@ def _placement(cue: bpy.types.Object, depsgraph, metres_per_unit: float) -> dict
     }
 
 
+def _matrix(cue: bpy.types.Object, depsgraph):
+    return (cue.evaluated_get(depsgraph) if depsgraph is not None else cue).matrix_world
+
+
 def _position(cue: bpy.types.Object, depsgraph, metres_per_unit: float) -> list[float]:
-    position = [c * metres_per_unit for c in cue.evaluated_get(depsgraph).matrix_world.translation]
+    position = [c * metres_per_unit for c in _matrix(cue, depsgraph).translation]
     if not all(math.isfinite(c) for c in position):
         raise SceneError(f"{cue.name} stands at a place that is not a number: reset its location.")
     return position

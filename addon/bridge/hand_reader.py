@@ -16,12 +16,11 @@ import bpy
 import numpy as np
 
 from ..errors import SceneError
+from ..scene_frames import CORE_RATE
 from .cue_reader import HANDS, visible_cues
 from .names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
 from .scene_time import current_frame_kept, frame_rate
 
-#: The core's frames a second.
-CORE_RATE = 30.0
 #: Kind of the cue → the hand that follows it.
 HAND = {"left_hand": "left", "right_hand": "right", "both_hands": "both"}
 #: Longer ranges are a slip of the keyboard, seconds.

@@ -17,7 +17,7 @@ from .. import native
 from ..errors import FollowingEnded, SceneError
 from ..motion import Motion
 from ..pipeline import Outcome, Request
-from . import compat
+from . import compat, file_state
 from .action_writer import rewrite_action
 from .names import LIVE_KEY, PINS_KEY, REPORT_KEY, SOLVED_KEY
 from .session import current_action, full_report, report_of
@@ -35,6 +35,8 @@ class LiveTake:
         if report is None:
             raise SceneError("There is no motion to begin with: press Synthesize first.")
         # What an earlier following left, and nobody has changed, is gone on with.
+        file_state.check(context, scene.oncue.character, native.require().skeleton())
+        compat.play_slot(scene.oncue.character)
         action = played if LIVE_KEY in played and _is_untouched(scene, played) else _copy(scene, played, report)
         self._token = action[LIVE_KEY] = secrets.token_hex(8)
         self._keys = _coordinates(action)
@@ -68,7 +70,8 @@ class LiveTake:
         motion = Motion(
             np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate)
         )
-        placed = {"start_frame": settings.start_frame, "metres_per_unit": settings.scene_scale}
+        file_state.check_character(context, character, native.require().skeleton())
+        placed = {"start_frame": request.start_frame, "metres_per_unit": settings.scene_scale}
         rewrite_action(context, character, action, names, motion, **placed)
         if character.animation_data.action != action:  # a full run came between
             _play(character, action)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import bpy
 import numpy as np
 
-from ..errors import SceneError
+from ..errors import ScaleError, SceneError
 from .what_counts import Furniture
 
 #: A scene wider than this is hardly modelled in metres.
@@ -123,7 +123,7 @@ def _check_scale(scene: bpy.types.Scene, meshes: SceneMeshes) -> None:
     scale = suggested_scale(extent, scene.unit_settings.scale_length)
     if scale is not None:
         word = {0.01: "centimetres", 0.001: "millimetres"}.get(round(scale, 6), "other units")
-        raise SceneError(
+        raise ScaleError(
             f"The scene is {extent:.0f} units wide: it seems to be modelled in {word}. Set Scene Scale to {scale:g} "
             f"metres per unit (or to 1 if it really is that large) and run again."
         )

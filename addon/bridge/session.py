@@ -7,6 +7,7 @@ The button, `batch.py` and scripts all come through here, so that one seed gives
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,14 +18,19 @@ from .. import native
 from ..errors import SceneError
 from ..motion import Motion
 from ..pipeline import EditRequest, LibraryChoice, Outcome, Request
+from ..scene_frames import in_scene_frames
 from . import armature, character_reset, compat, file_state, pins
 from .action_writer import write_action
-from .all_or_nothing import all_or_nothing
-from .cue_reader import read_task, read_task_at
+from .all_or_nothing import all_or_nothing, kept_if_it_fails
+from .cue_reader import ENDS, FEET, read_task, read_task_at, visible_cues
 from .hand_reader import read_manipulations
 from .names import CHARACTER_KEY, REPORT_KEY
 from .scene_reader import read_scene
+from .scene_time import frame_rate, may_move
 from .take import Take, keep_solved, solved_take
+
+#: A cue that has moved or turned by less is where it was, metres and radians.
+SAME_PLACE = 1e-3
 
 
 def library_choice(scene: bpy.types.Scene) -> LibraryChoice:
@@ -79,6 +85,8 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         settings.seed,
         overrides,
         manifold_path(context.scene),
+        settings.start_frame,
+        frame_rate(context.scene),
     )
     return request, [*meshes.skipped, *notes]
 
@@ -88,7 +96,15 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
     settings = context.scene.oncue
     file_state.check_scene(context.scene)
     task, overrides = read_task(context, settings.scene_scale), read_overrides(settings.overrides)
-    return replace(request, task=task, preset=settings.preset, seed=settings.seed, overrides=overrides)
+    return replace(
+        request,
+        task=task,
+        preset=settings.preset,
+        seed=settings.seed,
+        overrides=overrides,
+        start_frame=settings.start_frame,
+        scene_rate=frame_rate(context.scene),
+    )
 
 
 def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
@@ -117,6 +133,8 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
         settings.preset,
         read_overrides(settings.overrides),
         manifold_path(context.scene),
+        take.solved.start_frame,
+        take.solved.scene_rate,
     )
     return request, take
 
@@ -146,11 +164,25 @@ def write_edit(context: bpy.types.Context, take: Take, edited: object) -> tuple[
     if action != take.action or not now.is_as(take):
         raise SceneError("The keys were changed while it was solving: press Re-solve again.")
     motion = Motion(np.asarray(edited.root_positions), np.asarray(edited.rotations), take.solved.motion.frame_rate)
-    touched = now.write(motion, np.asarray(edited.contacts))
-    report = report_of(action)
-    if report is not None:
-        action[REPORT_KEY] = json.dumps({**report, "artist": edited.figures})
+    with kept_if_it_fails(action):
+        touched = now.write(motion, np.asarray(edited.contacts))
+        report = report_of(action)
+        if report is not None:
+            action[REPORT_KEY] = json.dumps({**report, "artist": edited.figures})
     return touched
+
+
+def what_is_seen(context: bpy.types.Context) -> object:
+    """Something that differs once the artist has changed what a run reads: places, what is shown, settings."""
+    settings = context.scene.oncue
+    things = [
+        (thing.name, thing.visible_get(), np.array(thing.matrix_world, dtype=np.float32).tobytes())
+        for thing in context.view_layer.objects
+    ]
+    chosen = (settings.seed, settings.start_frame, settings.preset, settings.overrides, settings.scene_scale)
+    paths = tuple(item.path for item in settings.library_paths)
+    named = (settings.manifold, settings.starter, settings.character, settings.exclude, context.mode)
+    return hash((context.scene.name, tuple(things), chosen, paths, named))
 
 
 def read_overrides(text: str) -> dict:
@@ -185,7 +217,7 @@ def write_outcome(
     # The artist may have changed it since the run began.
     file_state.check(context, character, skeleton)
     motion = Motion(np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate))
-    placed = {"start_frame": settings.start_frame, "metres_per_unit": settings.scene_scale}
+    placed = {"start_frame": request.start_frame, "metres_per_unit": settings.scene_scale}
     with all_or_nothing(context):
         if character is None:
             character = armature.make_character(context, skeleton, settings.scene_scale)
@@ -208,8 +240,11 @@ def write_outcome(
 
 def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) -> dict:
     """The core's report with what only Blender's side knows."""
+    report = outcome.synthesis.report
+    told = [in_scene_frames(problem, request.start_frame, request.scene_rate) for problem in report["problems"]]
     return {
-        **outcome.synthesis.report,
+        **report,
+        "problems": told,
         "task": request.task,
         "extension": {
             "blender_version": compat.BLENDER_VERSION,
@@ -229,9 +264,10 @@ def report_of(action: bpy.types.Action | None) -> dict | None:
     """The report that was kept with a take, or None."""
     text = action.get(REPORT_KEY) if action else None
     try:
-        return json.loads(text) if text else None
-    except ValueError:
+        report = json.loads(text) if text else None
+    except (TypeError, ValueError):
         return None
+    return report if isinstance(report, dict) else None
 
 
 def current_report(scene: bpy.types.Scene) -> dict | None:
@@ -244,6 +280,30 @@ def current_action(scene: bpy.types.Scene) -> bpy.types.Action | None:
     character = scene.oncue.character
     data = character.animation_data if character else None
     return data.action if data else None
+
+
+def belongs_to_cues(context: bpy.types.Context, report: dict) -> bool:
+    """Whether the cues stand where they stood when the motion of a report was made; hands and cues that move aside."""
+    made_for = report.get("task")
+    if not isinstance(made_for, dict):
+        return True
+    settings = context.scene.oncue
+    try:
+        now = read_task(context, settings.scene_scale, as_drawn=True)
+    except SceneError:
+        return False
+    animated = any(may_move(cue) for cue in visible_cues(context, "start", *ENDS, *FEET))
+    return animated or all(_is_same_cue(now[kind], made_for.get(kind)) for kind in ("start", "cue"))
+
+
+def _is_same_cue(now: dict, before: object) -> bool:
+    if not isinstance(before, dict) or now.get("action_type") != before.get("action_type"):
+        return False
+    places = [[cue.get("position"), *(cue.get("feet") or [])] for cue in (now, before)]
+    if [place is None for place in places[0]] != [place is None for place in places[1]]:
+        return False
+    near = all(np.allclose(a, b, atol=SAME_PLACE) for a, b in zip(*places, strict=True) if a is not None)
+    return near and abs(math.remainder(now["yaw"] - before["yaw"], math.tau)) < SAME_PLACE
 
 
 def problems_of(report: dict) -> list[str]:

@@ -15,8 +15,9 @@ from bpy.app.handlers import persistent
 
 from ..bridge import session
 from ..bridge.live_take import LiveTake
-from ..bridge.names import CHARACTER_KEY, CUE_KEY
+from ..bridge.names import CUE_KEY
 from ..bridge.policies import policy_cache
+from ..bridge.what_counts import Furniture
 from ..errors import FollowingEnded
 from ..job_operator import STOP_WAIT, handle, redraw_sidebars
 from ..live import Follower
@@ -142,6 +143,7 @@ class Following:
         """Sorts what the depsgraph evaluated: a cue, the scene, or neither."""
         if self.follower is None or self._writing or scene.name != self._scene:
             return
+        furniture = Furniture(bpy.context)
         for update in depsgraph.updates:
             thing = update.id
             if isinstance(thing, bpy.types.Scene | bpy.types.Collection):
@@ -154,7 +156,7 @@ class Following:
                 continue
             elif thing.get(CUE_KEY) is not None:
                 self.follower.cues_changed()
-            elif thing.get(CHARACTER_KEY) is None and (thing.type == "MESH" or thing.instance_type != "NONE"):
+            elif not furniture.is_of_person(thing.original) and (thing.type == "MESH" or thing.instance_type != "NONE"):
                 self.follower.meshes_changed()
 
 

@@ -18,11 +18,18 @@ class ONCUE_OT_set_scene_scale(Button, bpy.types.Operator):
     bl_idname = "oncue.set_scene_scale"
     bl_label = "Set Scene Scale"
 
-    scale: FloatProperty(name="Metres per Unit", default=1.0, min=1e-4, max=1e4, options={"SKIP_SAVE"})
+    scale: FloatProperty(
+        name="Metres per Unit",
+        description="1 for a scene in metres, 0.01 for centimetres",
+        default=1.0,
+        min=1e-4,
+        max=1e4,
+        options={"SKIP_SAVE"},
+    )
 
     def act(self, context: bpy.types.Context) -> None:
         context.scene.oncue.scene_scale = self.scale
-        handle.message = ""
+        handle.forget()
 
 
 class ONCUE_OT_toggle_exclude(Button, bpy.types.Operator):
@@ -63,7 +70,7 @@ stray bones at rest, a person's size, at the same place"""
 
     def act(self, context: bpy.types.Context) -> None:
         session.reset_character(context)
-        handle.message = ""
+        handle.forget()
 
 
 CLASSES = (ONCUE_OT_set_scene_scale, ONCUE_OT_toggle_exclude, ONCUE_OT_reset_character)
