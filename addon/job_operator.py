@@ -10,6 +10,7 @@ that.
 from __future__ import annotations
 
 import traceback
+from collections.abc import Callable
 
 import bpy
 from bpy.app.handlers import persistent
@@ -28,42 +29,25 @@ STOPPED_NOTE_LASTS = 10.0
 STOP_WAIT = 10.0
 
 
-class JobHandle:
-    """The task at work, if any, and what the last one ended with."""
+class Notice:
+    """What the panel says until the file changes."""
 
     def __init__(self) -> None:
-        self.run: Run | None = None
-        self.title = ""
-        #: Why the last run was stopped or failed, for the panel; empty after a success and once the file has changed.
         self.message = ""
-        #: Whether that is a failure; a run that somebody stopped did not fail.
+        #: Whether it tells a failure; what somebody stopped did not fail.
         self.failed = False
         #: The kind of refusal, where a button helps: a subclass of `SceneError`, else None.
         self.kind: type[BaseException] | None = None
         #: What the artist saw when it was said.
         self._said_of: object = None
-        #: What is said where the artist stops the task.
-        self.stopped_note = CANCELLED
-        self._timer, self._window_manager = None, None
-        #: Cancelled runs whose threads may still be at work.
-        self._leaving: list[Run] = []
-
-    def start(self, context: bpy.types.Context, title: str, run: Run, stopped_note: str = CANCELLED) -> None:
-        self.forget()
-        self.run, self.title = run, title
-        self.stopped_note = stopped_note
-        self._window_manager = context.window_manager
-        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
 
     def say(self, message: str, *, failed: bool = False, kind: type[BaseException] | None = None) -> None:
-        """Shows a message until the file changes; that a run was stopped goes by itself."""
+        """Shows a message until the file changes; that something was stopped goes by itself too."""
         self.message, self.failed, self.kind = message, failed, kind
         # What interrupts a run may be changing the file just now: then it is looked at afterwards.
         self._said_of = session.what_is_seen(bpy.context) if failed else None
         if message and not failed and not bpy.app.background:
-            if bpy.app.timers.is_registered(_forget_note):
-                bpy.app.timers.unregister(_forget_note)
-            bpy.app.timers.register(_forget_note, first_interval=STOPPED_NOTE_LASTS)
+            bpy.app.timers.register(self._forgetting(message), first_interval=STOPPED_NOTE_LASTS)
 
     def forget(self) -> None:
         self.say("")
@@ -78,6 +62,37 @@ class JobHandle:
         elif self._said_of != seen:
             self.forget()
             redraw_sidebars(bpy.context)
+
+    def _forgetting(self, message: str) -> Callable[[], None]:
+        """What a timer calls later: that something was stopped is no news any more."""
+
+        def forget() -> None:
+            if self.message == message and not self.failed:
+                self.forget()
+                redraw_sidebars(bpy.context)
+
+        return forget
+
+
+class JobHandle(Notice):
+    """The task at work, if any, and what the last one ended with: that message is the notice."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.run: Run | None = None
+        self.title = ""
+        #: What is said where the artist stops the task.
+        self.stopped_note = CANCELLED
+        self._timer, self._window_manager = None, None
+        #: Cancelled runs whose threads may still be at work.
+        self._leaving: list[Run] = []
+
+    def start(self, context: bpy.types.Context, title: str, run: Run, stopped_note: str = CANCELLED) -> None:
+        self.forget()
+        self.run, self.title = run, title
+        self.stopped_note = stopped_note
+        self._window_manager = context.window_manager
+        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
 
     def end(self) -> None:
         """Lets the task go; a timer of its own is removed."""
@@ -241,13 +256,6 @@ def _forget_outdated(*_) -> None:
     handle.forget_outdated()
 
 
-def _forget_note() -> None:
-    """That a run was stopped is no news any more."""
-    if handle.message and not handle.failed:
-        handle.forget()
-        redraw_sidebars(bpy.context)
-
-
 @persistent
 def _stop_for_load(*_) -> None:
     handle.stop("The run was stopped because another file was opened.")
@@ -268,8 +276,6 @@ def register() -> None:
 
 def unregister() -> None:
     handle.stop_and_wait("The run was stopped because Oncue was disabled.")
-    if bpy.app.timers.is_registered(_forget_note):
-        bpy.app.timers.unregister(_forget_note)
     for handlers, ours in (
         (bpy.app.handlers.load_pre, _stop_for_load),
         (bpy.app.handlers.undo_pre, _stop_for_undo),

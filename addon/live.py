@@ -18,7 +18,7 @@ import numpy as np
 from . import native
 from .pipeline import LibraryCache, Outcome, Request, Run, Steps, finish, library_steps, merged, read_manifold
 from .policy_cache import PolicyCache
-from .scene_frames import told_in_scene_frames
+from .scene_frames import in_scene_frames, told_in_scene_frames
 
 #: Seconds without a change after which things are taken to rest.
 REST = 0.5
@@ -212,7 +212,8 @@ class Follower:
             if since is not None:
                 self.delay = self._clock() - since
             # Of a few rollouts none may meet the cue where one of many does.
-            self.line = " ".join([MISSED, *report["problems"][:1]]) if at_rest and not report["success"] else ""
+            told = [in_scene_frames(said, request.start_frame, request.scene_rate) for said in report["problems"][:1]]
+            self.line = " ".join([MISSED, *told]) if at_rest and not report["success"] else ""
 
         self._start(play_steps(self._world, request, overrides), done, at_rest=since is None)
 

@@ -41,11 +41,17 @@ def rest_positions(skeleton: dict) -> np.ndarray:
 def find_character(scene: bpy.types.Scene, skeleton: dict) -> bpy.types.Object | None:
     """The armature to reuse: the one the scene names, else the first of the scene that Oncue made.
 
-    An armature whose joints were renamed or moved is passed over: keys for it would bend it wrongly.
+    An armature whose joints were renamed or moved is passed over: keys for it would bend it wrongly. So is one that is
+    linked or that no view layer has, unless the scene names it.
     """
     chosen = scene.oncue.character if hasattr(scene, "oncue") else None
     candidates = [chosen] if chosen else []
-    candidates += [o for o in scene.objects if o.get(CHARACTER_KEY) and o.type == "ARMATURE"]
+    shown = {thing for layer in scene.view_layers for thing in layer.objects}
+    candidates += [
+        thing
+        for thing in scene.objects
+        if thing.get(CHARACTER_KEY) and thing.type == "ARMATURE" and thing.is_editable and thing in shown
+    ]
     return next((o for o in candidates if _is_in(scene, o) and misfit(o, skeleton) is None), None)
 
 

@@ -88,16 +88,28 @@ def play_slot(owner: bpy.types.Object) -> None:
 
 def action_curves(action: bpy.types.Action, owner: bpy.types.Object | None = None) -> list[bpy.types.FCurve]:
     """The F-curves of an action that move `owner`; without one all of them, whichever slot they belong to."""
+    return [curve for holder in _holders(action, owner) for curve in holder.fcurves]
+
+
+def remove_curve(action: bpy.types.Action, owner: bpy.types.Object, curve: bpy.types.FCurve) -> None:
+    """Takes an F-curve that moves `owner` out of an action."""
+    for holder in _holders(action, owner):
+        if any(other == curve for other in holder.fcurves):
+            holder.fcurves.remove(curve)
+            return
+
+
+def _holders(action: bpy.types.Action, owner: bpy.types.Object | None) -> list:
+    """What holds the F-curves of `owner`, or all: the channelbags, before there were slots the action itself."""
     if not SLOTTED_ACTIONS:
-        return list(action.fcurves)
+        return [action]
     slot = played_slot(owner, action) if owner is not None else None
     return [
-        curve
+        bag
         for layer in action.layers
         for strip in layer.strips
         for bag in strip.channelbags
         if owner is None or (slot is not None and bag.slot_handle == slot.handle)
-        for curve in bag.fcurves
     ]
 
 

@@ -14,6 +14,7 @@ from mathutils import Matrix, Vector
 from ..errors import SceneError
 from . import compat
 from .names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY, oncue_collection
+from .what_counts import things_of
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
 KINDS = {
@@ -78,7 +79,7 @@ def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metre
     """Moves the visible cue of this kind there (a sit and a stop take each other's place), or makes one; selects it."""
     group = ("start",) if kind == "start" else ("sit", "stop")
     label, shape, size, color = KINDS[kind]
-    there = [o for o in context.view_layer.objects if o.get(CUE_KEY) in group and o.visible_get()]
+    there = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) in group and o.visible_get()]
     if there:
         cue = there[0]
         if not cue.is_editable:
@@ -98,7 +99,7 @@ def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metre
 def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) -> bpy.types.Object:
     """A foot cue in front of the visible sit or stop cue, on the start's floor. Raises SceneError without a cue."""
     kind = f"{side}_foot"
-    ends = [o for o in context.view_layer.objects if o.get(CUE_KEY) in ("sit", "stop") and o.visible_get()]
+    ends = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) in ("sit", "stop") and o.visible_get()]
     if not ends:
         raise SceneError("Place a Sit or Stop cue first: the feet belong to it.")
     cue, unit = ends[0], 1.0 / metres_per_unit
@@ -110,7 +111,7 @@ def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) ->
     left = Vector((-forward.y, forward.x, 0.0))
     ahead, aside = (0.42 if cue[CUE_KEY] == "sit" else 0.0), (0.10 if side == "left" else -0.10)
     place = cue.matrix_world.translation + (forward * ahead + left * aside) * unit
-    starts = [o for o in context.view_layer.objects if o.get(CUE_KEY) == "start" and o.visible_get()]
+    starts = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) == "start" and o.visible_get()]
     if starts:
         place.z = starts[0].matrix_world.translation.z
     elif cue[CUE_KEY] == "sit":
@@ -175,7 +176,7 @@ def animated_range(thing: bpy.types.Object | None) -> tuple[int, int] | None:
 def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector) -> float:
     """A first guess of a standing cue's yaw: a start looks towards the end cue, a stop away from the start."""
     others = ("sit", "stop") if kind == "start" else ("start",)
-    for other in context.view_layer.objects:
+    for other in things_of(context.view_layer):
         if other.get(CUE_KEY) in others and other.visible_get():
             way = other.matrix_world.translation - Vector(place)
             if way.xy.length > 1e-3:
@@ -187,6 +188,6 @@ def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector) -> f
 def _select(context: bpy.types.Context, cue: bpy.types.Object) -> None:
     if context.mode != "OBJECT":
         return
-    for other in context.view_layer.objects:
+    for other in things_of(context.view_layer):
         other.select_set(other == cue)
     context.view_layer.objects.active = cue

@@ -11,7 +11,7 @@ from ..errors import SceneError
 from .cue_objects import forward_of
 from .names import CUE_KEY
 from .scene_time import current_frame_kept, may_move, moving
-from .what_counts import is_shown
+from .what_counts import is_shown, things_of
 
 ENDS = ("sit", "stop")
 FEET = ("left_foot", "right_foot")
@@ -23,7 +23,7 @@ STEEPEST = math.sin(math.radians(80.0))
 def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Object]:
     """The empties of these kinds that the viewport shows, by name. Hidden cues wait for another take."""
     return sorted(
-        (o for o in context.view_layer.objects if o.get(CUE_KEY) in kinds and is_shown(o, context.view_layer)),
+        (o for o in things_of(context.view_layer) if o.get(CUE_KEY) in kinds and is_shown(o, context.view_layer)),
         key=lambda o: o.name,
     )
 

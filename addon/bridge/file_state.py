@@ -29,13 +29,26 @@ RESET = "or press Reset Character"
 def check(context: bpy.types.Context, character: bpy.types.Object | None, skeleton: dict) -> None:
     """Raises SceneError where the scene, CharacterError where the character would not show the motion as it is made.
 
-    `character` is None where one is still to be made.
+    `character` is None where one is still to be made. It stays at the current frame: `check_over_time` does not.
     """
     check_scene(context.scene)
     context.view_layer.update()
     if character is not None:
         check_character(context, character, skeleton)
-        _check_stands_still(context, character)
+
+
+def check_over_time(context: bpy.types.Context, character: bpy.types.Object | None) -> None:
+    """Raises CharacterError where the object itself is moved in the frames that the motion takes.
+
+    It may go through the frames, which loses places that were not keyed: what the view shows is to be read before.
+    """
+    if character is None or not may_move(character, own_action=False):
+        return
+    if moving(context, [character], context.scene.oncue.start_frame):
+        raise CharacterError(
+            f"{character.name} itself is moved by its parent, a constraint, a driver or an NLA strip, and the motion "
+            f"with it: clear these, {RESET}."
+        )
 
 
 # --- the scene --------------------------------------------------------------------------------------------------------
@@ -161,14 +174,3 @@ def scale_fault(character: bpy.types.Object, metres_per_unit: float) -> str | No
     if abs(sizes.mean() - 1.0) > SCALE_TOLERANCE:
         return f"is scaled to {sizes.mean():.3g} of a person's size, for which the motion is made: {back}"
     return None
-
-
-def _check_stands_still(context: bpy.types.Context, character: bpy.types.Object) -> None:
-    """Raises CharacterError where the object itself is moved in the frames that the motion takes."""
-    if not may_move(character, own_action=False):
-        return
-    if moving(context, [character], context.scene.oncue.start_frame):
-        raise CharacterError(
-            f"{character.name} itself is moved by its parent, a constraint, a driver or an NLA strip, and the motion "
-            f"with it: clear these, {RESET}."
-        )

@@ -91,7 +91,7 @@ def pin_bones(
     A pin of the same bone over the same frames gives way. Raises SceneError where nothing is selected, the range lies
     outside the action, or the character has no action.
     """
-    action = action_of(character)
+    action = editable_action_of(character)
     if last_frame < first_frame:
         raise SceneError(f"The pin would end at frame {last_frame}, before it begins at {first_frame}: swap them.")
     begin, end = within or (int(frame) for frame in action.frame_range)
@@ -127,14 +127,16 @@ def pin_bones(
 
 
 def remove_pin(character: bpy.types.Object, index: int) -> None:
-    """Takes one pin out, by its place in `read_pins`; all of them for a negative place."""
-    action = action_of(character)
-    if index < 0:
-        write_pins(action, [])
-        return
+    """Takes one pin out, by its place in `read_pins`."""
+    action = editable_action_of(character)
     pins = read_pins(action)
     if 0 <= index < len(pins):
         write_pins(action, pins[:index] + pins[index + 1 :])
+
+
+def remove_pins(character: bpy.types.Object) -> None:
+    """Takes all pins and kept keys out."""
+    write_pins(editable_action_of(character), [])
 
 
 def action_of(character: bpy.types.Object | None) -> bpy.types.Action:
@@ -143,3 +145,11 @@ def action_of(character: bpy.types.Object | None) -> bpy.types.Action:
     if not data or not data.action:
         raise SceneError("The character has no motion yet: press Synthesize first.")
     return data.action
+
+
+def editable_action_of(character: bpy.types.Object | None) -> bpy.types.Action:
+    """`action_of`, to be changed. Raises SceneError where it is linked, since a change would be lost with the file."""
+    action = action_of(character)
+    if not action.is_editable:
+        raise SceneError(f"{action.name} is linked and cannot be changed: make it local first (Object, Relations).")
+    return action

@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from ..errors import ScaleError, SceneError
+from .edit_mode import modifiers_as_outside
 from .what_counts import Furniture
 
 #: A scene wider than this is hardly modelled in metres.
@@ -49,7 +50,14 @@ def read_scene(
     Raises SceneError when nothing can be collided with, and, unless the scale is confirmed, when the scene's size
     says that it was not modelled in metres.
     """
-    furniture = Furniture(context, exclude)
+    with modifiers_as_outside(context):
+        meshes = _read_meshes(context, Furniture(context, exclude), metres_per_unit)
+    if not scale_confirmed:
+        _check_scale(context.scene, meshes)
+    return meshes
+
+
+def _read_meshes(context: bpy.types.Context, furniture: Furniture, metres_per_unit: float) -> SceneMeshes:
     depsgraph = context.evaluated_depsgraph_get()
     positions, triangles, skipped = [], [], []
     vertex_count, object_count = 0, 0
@@ -91,10 +99,7 @@ def read_scene(
             "The scene has no visible mesh to walk on or sit on. "
             "Add a floor and furniture, or show what is hidden or excluded." + broken
         )
-    scene_meshes = SceneMeshes(np.concatenate(positions), np.concatenate(triangles), object_count, skipped)
-    if not scale_confirmed:
-        _check_scale(context.scene, scene_meshes)
-    return scene_meshes
+    return SceneMeshes(np.concatenate(positions), np.concatenate(triangles), object_count, skipped)
 
 
 def _fault(world: np.ndarray, corners: np.ndarray) -> str | None:

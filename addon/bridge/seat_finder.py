@@ -13,10 +13,13 @@ from mathutils import Vector
 
 from ..errors import SceneError
 from .cue_objects import PELVIS_OVER_SEAT, yaw_from_heading
+from .edit_mode import modifiers_as_outside
 from .what_counts import Furniture, furniture_on_ray
 
 #: Seats lie between these heights over the object's foot, metres.
 SEAT_HEIGHTS = (0.25, 0.85)
+#: How far modifiers may raise or lower a seat, metres.
+MODIFIED = 0.3
 #: Directions that are tried for the facing, and how far is looked, metres.
 DIRECTIONS, REACH = 24, 1.5
 #: Heights over the seat at which a back, an arm or a wall would be met, metres.
@@ -40,6 +43,8 @@ def seat_of_selection(context: bpy.types.Context, metres_per_unit: float = 1.0) 
         raise SceneError(f"{chair.name} belongs to a character: select what it is to sit on, and press again.")
     if context.mode == "EDIT_MESH":
         center, edge = _selected_faces(chair)
+        with modifiers_as_outside(context):
+            center = _as_modified(context, chair, center, metres_per_unit)
     else:
         center, edge = _flattest_part(context, chair, metres_per_unit)
     heading = _facing(context, center, edge, metres_per_unit)
@@ -82,15 +87,26 @@ def _selected_faces(chair: bpy.types.Object) -> tuple[Vector, Vector]:
     return middle / area, max(edges, key=lambda edge: Vector((edge.x, edge.y)).length)
 
 
+def _as_modified(context: bpy.types.Context, chair: bpy.types.Object, place: Vector, metres_per_unit: float) -> Vector:
+    """A place on the faces that are edited, raised or lowered to where modifiers put the surface."""
+    evaluated, inverse = chair.evaluated_get(context.evaluated_depsgraph_get()), chair.matrix_world.inverted_safe()
+    reach = MODIFIED / metres_per_unit
+    heights = _surfaces_below(
+        evaluated, inverse, chair.matrix_world, place.x, place.y, place.z + reach, place.z - reach
+    )
+    nearest = min(heights, key=lambda z: abs(z - place.z), default=place.z)
+    return Vector((place.x, place.y, nearest))
+
+
 def _flattest_part(
     context: bpy.types.Context, chair: bpy.types.Object, metres_per_unit: float
 ) -> tuple[Vector, Vector]:
     """Middle of the largest level patch at seat height, felt from above, and the object's own X direction."""
-    corners = np.array([chair.matrix_world @ Vector(corner) for corner in chair.bound_box])
+    evaluated = chair.evaluated_get(context.evaluated_depsgraph_get())
+    corners = np.array([chair.matrix_world @ Vector(corner) for corner in evaluated.bound_box])
     low, high = corners.min(axis=0), corners.max(axis=0)
     unit = 1.0 / metres_per_unit
     bottom, top = low[2] + SEAT_HEIGHTS[0] * unit, low[2] + SEAT_HEIGHTS[1] * unit
-    evaluated = chair.evaluated_get(context.evaluated_depsgraph_get())
     inverse = chair.matrix_world.inverted_safe()
     hits = []
     for x in np.linspace(low[0], high[0], 26)[1:-1]:

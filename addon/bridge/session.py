@@ -28,6 +28,7 @@ from .names import CHARACTER_KEY, REPORT_KEY
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
 from .take import Take, keep_solved, solved_take
+from .what_counts import things_of
 
 #: A cue that has moved or turned by less is where it was, metres and radians.
 SAME_PLACE = 1e-3
@@ -54,20 +55,15 @@ def manifold_path(scene: bpy.types.Scene) -> str:
 
 
 def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Request, list[tuple[str, str]]]:
-    """All that the run needs, and (object, reason) of the meshes left out. Raises SceneError; changes nothing.
+    """All that the run needs, and (object, reason) of the meshes left out and of the cues that move by themselves.
 
-    Without `hands` the hand cues, for which it goes through the frames, are left out.
+    Without `hands` the hand cues are left out, and all else for which it goes through the frames. Raises SceneError;
+    changes nothing.
     """
     settings, skeleton = context.scene.oncue, native.require().skeleton()
-    file_state.check(context, armature.character_of(context.scene, skeleton), skeleton)
-    task, notes = (
-        read_task_at(context, settings.start_frame, settings.scene_scale)
-        if hands
-        else (read_task(context, settings.scene_scale), [])
-    )
-    manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale) if hands else []
-    if manipulations:
-        task["manipulations"] = manipulations
+    character = armature.character_of(context.scene, skeleton)
+    file_state.check(context, character, skeleton)
+    task, notes, manipulations = read_task(context, settings.scene_scale), [], []
     library = library_choice(context.scene)
     meshes = read_scene(
         context,
@@ -75,6 +71,13 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         metres_per_unit=settings.scene_scale,
         scale_confirmed=settings.scale_confirmed,
     )
+    # What goes through the frames comes last: what was moved and not keyed is back at its keys afterwards.
+    if hands:
+        file_state.check_over_time(context, character)
+        task, notes = read_task_at(context, settings.start_frame, settings.scene_scale)
+        manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale)
+    if manipulations:
+        task["manipulations"] = manipulations
     overrides = read_overrides(settings.overrides)
     request = Request(
         meshes.positions,
@@ -110,7 +113,7 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
 def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
     """What Re-solve needs, and the take as it is before. Raises SceneError; changes nothing but the slot played."""
     core, settings = native.require(), context.scene.oncue
-    action = pins.action_of(settings.character)
+    action = pins.editable_action_of(settings.character)
     file_state.check(context, settings.character, core.skeleton())
     # A renamed character plays nothing of a take that is chosen anew until it is told which slot is its own.
     compat.play_slot(settings.character)
@@ -122,6 +125,7 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
         positions, triangles = meshes.positions, meshes.triangles
     except SceneError:  # an edit needs nothing to walk on
         positions = triangles = None
+    file_state.check_over_time(context, settings.character)
     request = EditRequest(
         motion,
         take.solved.contacts,
@@ -177,7 +181,7 @@ def what_is_seen(context: bpy.types.Context) -> object:
     settings = context.scene.oncue
     things = [
         (thing.name, thing.visible_get(), np.array(thing.matrix_world, dtype=np.float32).tobytes())
-        for thing in context.view_layer.objects
+        for thing in things_of(context.view_layer)
     ]
     chosen = (settings.seed, settings.start_frame, settings.preset, settings.overrides, settings.scene_scale)
     paths = tuple(item.path for item in settings.library_paths)

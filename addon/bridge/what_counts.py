@@ -16,6 +16,11 @@ OUTLINES = {"WIRE", "BOUNDS"}
 MOST_SURFACES = 256
 
 
+def things_of(view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
+    """The objects of a view layer; one that was deleted since the last update is none."""
+    return [thing for thing in view_layer.objects if thing is not None]
+
+
 def is_shown(thing: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
     """Whether the view shows an object: its own eye and monitor, and those of the collections that it lies in."""
     return thing.visible_get(view_layer=view_layer)

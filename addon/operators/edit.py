@@ -69,7 +69,7 @@ class ONCUE_OT_remove_pins(Button, bpy.types.Operator):
     bl_label = "Remove All Pins"
 
     def act(self, context: bpy.types.Context) -> None:
-        pins.remove_pin(context.scene.oncue.character, -1)
+        pins.remove_pins(context.scene.oncue.character)
 
 
 class ONCUE_OT_remove_pin(Button, bpy.types.Operator):

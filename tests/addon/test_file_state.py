@@ -66,7 +66,7 @@ def enter_edit_mode(thing):
 # --- meshes in edit mode ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("modifier", [None, "BEVEL", "ARRAY"])
+@pytest.mark.parametrize("modifier", [None, "BEVEL", "ARRAY", "SOLIDIFY", "TRIANGULATE"])
 def test_a_mesh_in_edit_mode_is_read_as_it_is_edited(context, oncue, modifier):
     read = oncue("bridge.scene_reader").read_scene
     add_cube("Table")
@@ -117,6 +117,27 @@ def test_the_first_use_as_the_readme_has_it(stool, oncue, modifier):
     synthesize()
     assert stool.mode == "EDIT_MESH"
     assert triangles(oncue) > 100
+
+
+def test_a_seat_is_where_its_modifiers_put_it(context, fixtures):
+    """The face that is selected is the cage's; a person sits on what the view shows."""
+    fixtures.f.floor(context.scene, (-3, -3), (3, 3))
+    bench = add_cube("Bench", location=(0, 2, 0.2), scale=(1.6, 0.4, 0.4))
+    raised = bench.modifiers.new("Cushion", "DISPLACE")
+    raised.direction, raised.mid_level, raised.strength = "Z", 0.0, 0.25
+    context.view_layer.update()
+    shown = bench.evaluated_get(context.evaluated_depsgraph_get()).data
+    assert max((bench.matrix_world @ v.co).z for v in shown.vertices) == pytest.approx(0.5, abs=1e-3)
+    assert not raised.show_in_editmode
+    enter_edit_mode(bench)
+    bpy.ops.mesh.select_mode(type="FACE")
+    mesh = bmesh.from_edit_mesh(bench.data)
+    for face in mesh.faces:
+        face.select_set(face.normal.z > 0.9)
+    bmesh.update_edit_mesh(bench.data)
+    bpy.ops.oncue.sit_on_selection()
+    assert bpy.data.objects["Sit"].location.z == pytest.approx(0.6, abs=1e-3)
+    assert not raised.show_in_editmode
 
 
 # --- what the view hides ----------------------------------------------------------------------------------------------
@@ -626,6 +647,16 @@ def test_a_range_that_nobody_set_fits_the_take(stool, show):
     assert scene.frame_end == 250
 
 
+def test_a_first_frame_is_kept_with_the_file(stool, tmp_path):
+    stool.scene.oncue.start_frame = 77
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "shot.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "shot.blend"))
+    assert bpy.context.scene.oncue.start_frame == 77
+    bpy.context.scene.oncue.starts_with_shot = True
+    bpy.context.scene.frame_start = 12
+    assert bpy.context.scene.oncue.start_frame == 12
+
+
 # --- cues that move ---------------------------------------------------------------------------------------------------
 
 
@@ -655,6 +686,22 @@ def test_a_cue_that_moves_is_read_where_the_motion_begins(stool, oncue, way):
             "Start is animated: it was read as it stands at frame 5, where the motion begins."
         ]
         assert scene.frame_current == playhead
+
+
+def test_what_was_moved_and_not_keyed_is_read_where_it_is_seen(stool, oncue):
+    """Going through the frames for a cue that moves puts it back; the meshes have been read before."""
+    door = add_cube("Door", location=(10, 0, 0))
+    for frame in (1, 100):
+        door.keyframe_insert("location", frame=frame)
+    start = bpy.data.objects["Start"]
+    for frame, x in ((1, start.location.x), (100, start.location.x + 1)):
+        start.location.x = x
+        start.keyframe_insert("location", frame=frame)
+    stool.scene.frame_set(1)
+    door.location.x = 12.0
+    request, notes = oncue("bridge.session").read_request(stool)
+    assert notes
+    assert request.positions[:, 0].max() == pytest.approx(12.5)
 
 
 def test_an_unkeyed_place_of_a_cue_is_what_counts(stool, oncue):

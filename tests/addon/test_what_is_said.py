@@ -3,6 +3,7 @@
 import json
 import math
 import types
+from unittest.mock import MagicMock
 
 import bpy
 import numpy as np
@@ -101,10 +102,11 @@ def test_that_a_run_was_stopped_goes_too(context, handle, oncue):
     context.view_layer.update()
     assert handle.message == ""
     handle.say("Cancelled; the file is as it was.")
-    oncue("job_operator")._forget_note()
+    later = handle._forgetting(handle.message)
+    later()
     assert handle.message == ""
     handle.say("There is no Start cue.", failed=True)
-    oncue("job_operator")._forget_note()
+    later()
     assert handle.message == "There is no Start cue."
 
 
@@ -478,6 +480,86 @@ def test_the_help_tells_the_exit_statuses(oncue):
     text = oncue("command_line").parser().format_help()
     for status in range(4):
         assert f"\n  {status}  " in text
+
+
+# --- the panels -------------------------------------------------------------------------------------------------------
+
+
+class Panel:
+    """A panel's layout, and what it shows."""
+
+    def __init__(self):
+        self.layout = MagicMock()
+        self.layout.panel.return_value = (self.layout, self.layout)
+        for part in ("row", "column", "box"):
+            getattr(self.layout, part).return_value = self.layout
+
+    def draw(self, panel):
+        if not hasattr(panel, "poll") or panel.poll(bpy.context):
+            panel.draw(types.SimpleNamespace(layout=self.layout), bpy.context)
+        return self
+
+    @property
+    def labels(self):
+        return [call.kwargs.get("text", "") for call in self.layout.label.call_args_list]
+
+    @property
+    def operators(self):
+        return [call.args[0] for call in self.layout.operator.call_args_list]
+
+
+@pytest.fixture
+def draw(oncue):
+    panels = oncue("panels")
+    return lambda name: Panel().draw(getattr(panels, f"ONCUE_PT_{name}"))
+
+
+def test_every_panel_can_be_drawn_at_every_step(stool, oncue, draw):
+    names = [cls.__name__.removeprefix("ONCUE_PT_") for cls in oncue("panels").CLASSES if "_PT_" in cls.__name__]
+    for step in (lambda: None, bpy.ops.oncue.synthesize, lambda: bpy.data.objects.remove(bpy.data.objects["Sit"])):
+        step()
+        for name in names:
+            draw(name)
+
+
+def test_the_result_tells_that_it_is_of_other_cues(stool, draw):
+    bpy.ops.oncue.synthesize()
+    words = "The cues have changed since"
+    assert not any(words in label for label in draw("results").labels)
+    bpy.data.objects["Sit"].location.x += 0.2
+    stool.view_layer.update()
+    assert words in " ".join(draw("results").labels)
+
+
+def test_a_report_that_somebody_changed_does_not_break_the_panel(stool, oncue, draw):
+    bpy.ops.oncue.synthesize()
+    for text in (
+        '{"cues": 3}',
+        '{"cues": [{"cue": 1}]}',
+        '{"cues": [], "penetration": {}}',
+        '{"cues": [], "task": {"cue": 1}}',
+    ):
+        current_action()["oncue_report"] = text
+        draw("results")
+
+
+def test_the_button_under_a_refusal(stool, draw, handle):
+    bpy.ops.oncue.synthesize()
+    assert "oncue.reset_character" not in draw("synthesize").operators
+    stool.scene.oncue.character.scale = (0.5, 0.5, 0.5)
+    with pytest.raises(RuntimeError):
+        bpy.ops.oncue.synthesize()
+    assert "oncue.reset_character" in draw("synthesize").operators
+
+
+def test_pins_stand_below_the_button_and_fold_away(oncue, made, draw):  # noqa: F811
+    _, action = made()
+    pins = oncue("bridge.pins")
+    pins.write_pins(action, [pins.Pin("Head", frame, frame) for frame in range(START, START + 2000)])
+    drawn = draw("edit")
+    assert drawn.operators.index("oncue.resolve") < drawn.operators.index("oncue.remove_pins")
+    assert drawn.layout.panel.call_args.kwargs["default_closed"]
+    assert len(drawn.labels) <= oncue("panels").LONGEST_LIST + 2
 
 
 # --- finding the operators --------------------------------------------------------------------------------------------
