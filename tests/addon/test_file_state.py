@@ -1,7 +1,5 @@
 """The file as the artist sees it: what every state of it gives, by the button; handled, or refused before the run."""
 
-import math
-
 import bmesh
 import bpy
 import numpy as np
@@ -368,12 +366,20 @@ def test_bones_get_keys_of_the_kind_that_they_turn_by(character, oncue, core, mo
         bpy.ops.oncue.resolve()
 
 
-def test_euler_angles_do_not_jump(character, oncue):
-    for bone in character.pose.bones:
-        bone.rotation_mode = "XYZ"
-    for curve in oncue("bridge.compat").action_curves(synthesize()):
-        values = np.array([point.co.y for point in curve.keyframe_points])
-        assert not curve.data_path.endswith("euler") or np.abs(np.diff(values)).max() < math.pi
+@pytest.mark.parametrize("mode", ["XYZ", "ZXY", "AXIS_ANGLE"])
+def test_a_whole_turn_has_no_jump_in_it(oncue, mode):
+    """Three turns about Z in steps of 6°: the angle grows by a step each time, or axis and angle say the same."""
+    half = np.radians(np.arange(0.0, 1080.0, 6.0)) / 2.0
+    turns = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1)
+    channel, values = oncue("bridge.action_writer").rotation_values(mode, turns)
+    if mode == "AXIS_ANGLE":
+        assert channel == "rotation_axis_angle"
+        shown = np.array([Quaternion(axis, angle) for angle, *axis in values])
+        assert np.abs(np.sum(shown * turns, axis=1)) == pytest.approx(1.0, abs=1e-6)
+        assert np.degrees(np.abs(np.diff(values[:, 0]))).max() < 6.1
+    else:
+        assert channel == "rotation_euler"
+        assert np.degrees(np.diff(values[:, 2])) == pytest.approx(6.0, abs=1e-3)
 
 
 def test_what_an_older_take_moved_goes_back_to_rest(character, oncue, core):
