@@ -13,11 +13,14 @@ import bpy
 import numpy as np
 
 from ..errors import ScaleError, SceneError
+from .cue_reader import ENDS, visible_cues
 from .edit_mode import modifiers_as_outside
 from .what_counts import Furniture
 
 #: A scene wider than this is hardly modelled in metres.
 WIDEST_ROOM = 60.0
+#: Half of a scene's objects are no longer than this where it is modelled in metres, and nobody walks less, metres.
+LARGEST_FURNITURE, SHORTEST_WAY = 10.0, 0.5
 #: Single precision has centimetres left up to here, metres.
 FARTHEST = 1e5
 #: Larger meshes are not tried for having no area, triangles; the core leaves out single ones that have none.
@@ -34,6 +37,8 @@ class SceneMeshes:
     triangles: np.ndarray
     #: How many objects and instances were read.
     object_count: int = 0
+    #: The longest side of each, metres.
+    sizes: list[float] = field(default_factory=list)
     #: (object, reason) of each mesh that could not be used.
     skipped: list[tuple[str, str]] = field(default_factory=list)
 
@@ -53,13 +58,13 @@ def read_scene(
     with modifiers_as_outside(context):
         meshes = _read_meshes(context, Furniture(context, exclude), metres_per_unit)
     if not scale_confirmed:
-        _check_scale(context.scene, meshes)
+        _check_scale(context, meshes)
     return meshes
 
 
 def _read_meshes(context: bpy.types.Context, furniture: Furniture, metres_per_unit: float) -> SceneMeshes:
     depsgraph = context.evaluated_depsgraph_get()
-    positions, triangles, skipped = [], [], []
+    positions, triangles, sizes, skipped = [], [], [], []
     vertex_count, object_count = 0, 0
     meshes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -91,6 +96,7 @@ def _read_meshes(context: bpy.types.Context, furniture: Furniture, metres_per_un
         positions.append(world)
         triangles.append(corners + np.uint32(vertex_count))
         vertex_count += len(world)
+        sizes.append(float(np.ptp(world, axis=0).max()))
         object_count += 1
 
     if not triangles:
@@ -99,7 +105,7 @@ def _read_meshes(context: bpy.types.Context, furniture: Furniture, metres_per_un
             "The scene has no visible mesh to walk on or sit on. "
             "Add a floor and furniture, or show what is hidden or excluded." + broken
         )
-    return SceneMeshes(np.concatenate(positions), np.concatenate(triangles), object_count, skipped)
+    return SceneMeshes(np.concatenate(positions), np.concatenate(triangles), object_count, sizes, skipped)
 
 
 def _fault(world: np.ndarray, corners: np.ndarray) -> str | None:
@@ -123,15 +129,30 @@ def suggested_scale(extent: float, unit_length: float) -> float | None:
     return 0.01 if extent * 0.01 <= WIDEST_ROOM else 0.001
 
 
-def _check_scale(scene: bpy.types.Scene, meshes: SceneMeshes) -> None:
+def _check_scale(context: bpy.types.Context, meshes: SceneMeshes) -> None:
+    """Raises ScaleError where the furniture and the way between the cues say that the units are no metres.
+
+    The widest object alone says nothing: a ground or a sky is as wide as it likes.
+    """
     extent = float((meshes.positions.max(axis=0) - meshes.positions.min(axis=0)).max())
-    scale = suggested_scale(extent, scene.unit_settings.scale_length)
-    if scale is not None:
+    scale = suggested_scale(extent, context.scene.unit_settings.scale_length)
+    if scale is None or float(np.median(meshes.sizes)) <= LARGEST_FURNITURE:
+        return
+    way = _way(context)
+    if way is None or way * scale >= SHORTEST_WAY:
         word = {0.01: "centimetres", 0.001: "millimetres"}.get(round(scale, 6), "other units")
         raise ScaleError(
             f"The scene is {extent:.0f} units wide: it seems to be modelled in {word}. Set Scene Scale to {scale:g} "
             f"metres per unit (or to 1 if it really is that large) and run again."
         )
+
+
+def _way(context: bpy.types.Context) -> float | None:
+    """How far the end cue lies from the start, scene units, or None while one of them is missing."""
+    starts, ends = visible_cues(context, "start"), visible_cues(context, *ENDS)
+    if not starts or not ends:
+        return None
+    return (starts[0].matrix_world.translation - ends[0].matrix_world.translation).length
 
 
 def _owners(instance: bpy.types.DepsgraphObjectInstance) -> list[bpy.types.Object]:
