@@ -13,7 +13,7 @@ from mathutils import Matrix, Vector
 
 from ..errors import SceneError
 from . import compat
-from .names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY, oncue_collection
+from .names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, GIVEN_YAW_KEY, LAST_FRAME_KEY, oncue_collection
 from .what_counts import things_of
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
@@ -27,6 +27,8 @@ KINDS = {
     "right_hand": ("Right Hand", "SPHERE", 0.03, (0.75, 0.45, 0.95, 1.0)),
     "both_hands": ("Both Hands", "SPHERE", 0.03, (0.20, 0.80, 0.80, 1.0)),
 }
+#: A start within this of the yaw that it was given was not turned, radians.
+UNTURNED = 1e-3
 #: The pelvis joint of a seated person over the seat, metres.
 PELVIS_OVER_SEAT = 0.10
 
@@ -92,8 +94,26 @@ def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metre
         cue.matrix_world = Matrix.Translation(position) @ Matrix.Rotation(yaw, 4, "Z")
     else:
         cue = make_cue(context, kind, position, yaw, metres_per_unit=metres_per_unit)
+    if kind == "start":
+        cue[GIVEN_YAW_KEY] = yaw
+    else:
+        context.view_layer.update()
+        _turn_start(context)
     _select(context, cue)
     return cue
+
+
+def _turn_start(context: bpy.types.Context) -> None:
+    """Turns the start towards the end cue, unless somebody has turned it."""
+    for start in things_of(context.view_layer):
+        if start.get(CUE_KEY) != "start" or not start.visible_get() or not start.is_editable:
+            continue
+        forward = forward_of(start.matrix_world)
+        given, now = start.get(GIVEN_YAW_KEY), yaw_from_heading(math.atan2(forward.y, forward.x))
+        if isinstance(given, float) and abs(math.remainder(now - given, math.tau)) < UNTURNED:
+            place = start.matrix_world.translation
+            start[GIVEN_YAW_KEY] = yaw = facing_on_the_way(context, "start", place)
+            start.matrix_world = Matrix.Translation(place) @ Matrix.Rotation(yaw, 4, "Z")
 
 
 def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) -> bpy.types.Object:

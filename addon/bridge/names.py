@@ -9,6 +9,8 @@ import bpy
 CUE_KEY = "oncue_cue"
 #: On a hand cue: the frames of the scene between which the hand follows it, first and last.
 FIRST_FRAME_KEY, LAST_FRAME_KEY = "oncue_first_frame", "oncue_last_frame"
+#: On a start cue: the yaw that its button gave it, radians; one that the artist has turned since stays as it is.
+GIVEN_YAW_KEY = "oncue_given_yaw"
 #: On the armature and the meshes of the character: they are no part of the scene.
 CHARACTER_KEY = "oncue_character"
 #: On any object that the character may walk through.
