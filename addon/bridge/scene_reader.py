@@ -14,7 +14,7 @@ import numpy as np
 
 from ..errors import ScaleError, SceneError
 from .cue_reader import ENDS, visible_cues
-from .edit_mode import modifiers_as_outside
+from .edit_mode import copies_outside
 from .what_counts import Furniture
 
 #: A scene wider than this is hardly modelled in metres.
@@ -55,14 +55,21 @@ def read_scene(
     Raises SceneError when nothing can be collided with, and, unless the scale is confirmed, when the scene's size
     says that it was not modelled in metres.
     """
-    with modifiers_as_outside(context):
-        meshes = _read_meshes(context, Furniture(context, exclude), metres_per_unit)
+    with copies_outside(context) as copies:
+        meshes = _read_meshes(context, Furniture(context, exclude), copies, metres_per_unit)
     if not scale_confirmed:
         _check_scale(context, meshes)
     return meshes
 
 
-def _read_meshes(context: bpy.types.Context, furniture: Furniture, metres_per_unit: float) -> SceneMeshes:
+def _read_meshes(
+    context: bpy.types.Context,
+    furniture: Furniture,
+    copies: dict[bpy.types.Object, bpy.types.Object],
+    metres_per_unit: float,
+) -> SceneMeshes:
+    """`copies`: what is read in place of an object, and counts as the object does."""
+    replaced = set(copies.values())
     depsgraph = context.evaluated_depsgraph_get()
     positions, triangles, sizes, skipped = [], [], [], []
     vertex_count, object_count = 0, 0
@@ -73,6 +80,9 @@ def _read_meshes(context: bpy.types.Context, furniture: Furniture, metres_per_un
         if evaluated.type != "MESH" or not instance.show_self:
             continue
         owners = _owners(instance)
+        if not replaced.isdisjoint(owners):
+            continue
+        owners = [copies.get(owner, owner) for owner in owners]
         if not furniture.counts(owners):
             continue
         name = owners[0].name

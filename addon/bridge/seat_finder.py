@@ -13,7 +13,7 @@ from mathutils import Vector
 
 from ..errors import SceneError
 from .cue_objects import PELVIS_OVER_SEAT, yaw_from_heading
-from .edit_mode import modifiers_as_outside
+from .edit_mode import copies_outside
 from .what_counts import Furniture, furniture_on_ray
 
 #: Seats lie between these heights over the object's foot, metres.
@@ -43,8 +43,9 @@ def seat_of_selection(context: bpy.types.Context, metres_per_unit: float = 1.0) 
         raise SceneError(f"{chair.name} belongs to a character: select what it is to sit on, and press again.")
     if context.mode == "EDIT_MESH":
         center, edge = _selected_faces(chair)
-        with modifiers_as_outside(context):
-            center = _as_modified(context, chair, center, metres_per_unit)
+        with copies_outside(context) as copies:
+            shown = next((copy for copy, thing in copies.items() if thing == chair), chair)
+            center = _as_modified(context, shown, center, metres_per_unit)
     else:
         center, edge = _flattest_part(context, chair, metres_per_unit)
     heading = _facing(context, center, edge, metres_per_unit)
