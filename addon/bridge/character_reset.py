@@ -45,7 +45,7 @@ def _reset_bones(character: bpy.types.Object, names: list[str]) -> None:
     keyed = keyed_channels(character)
     for bone in bones:
         bone.rotation_mode = "QUATERNION"
-        bone.bone.use_inherit_rotation, bone.bone.inherit_scale = True, "FULL"
+        bone.bone.use_inherit_rotation = bone.bone.use_local_location = True
         for constraint in bone.constraints:
             constraint.mute = True
     for bone, channel, _ in leftovers(bones):

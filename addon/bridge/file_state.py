@@ -115,8 +115,10 @@ def _hindrances(context: bpy.types.Context, character: bpy.types.Object, names: 
                     f"has a constraint on {bone.name} ({constraint.name}), which would bend the motion: mute it, "
                     f"{RESET}"
                 )
-        if not (bone.bone.use_inherit_rotation and bone.bone.inherit_scale == "FULL"):
-            yield f"has a bone, {bone.name}, that does not inherit its parent's rotation or scale: let it, {RESET}"
+        if not bone.bone.use_inherit_rotation:
+            yield f"has a bone, {bone.name}, that does not inherit its parent's rotation: let it, {RESET}"
+    if not bones[0].bone.use_local_location:
+        yield f"has a bone, {names[0]}, whose location is not its own (Local Location is off): set it, {RESET}"
     keyed = keyed_channels(character)
     for bone, channel, fault in leftovers(bones):
         if (bone.name, channel) not in keyed:

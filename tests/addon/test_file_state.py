@@ -332,7 +332,10 @@ BENT = {
         lambda c: setattr(c.data.bones["Head"], "use_inherit_rotation", False),
         "Head, that does not inherit",
     ),
-    "no scale": (lambda c: setattr(c.data.bones["Head"], "inherit_scale", "NONE"), "Head, that does not inherit"),
+    "no local location": (
+        lambda c: setattr(c.data.bones["Hips"], "use_local_location", False),
+        "Local Location is off",
+    ),
     "small": (lambda c: setattr(c, "scale", (0.7, 0.7, 0.7)), "scaled to 0.7"),
     "tall": (lambda c: setattr(c, "scale", (1, 1, 1.2)), "scaled unevenly"),
     "mirrored": (lambda c: setattr(c, "scale", (-1, 1, 1)), "mirrored"),
@@ -350,6 +353,16 @@ def test_a_character_that_would_play_it_otherwise_is_named(character, oncue, cor
     assert bpy.ops.oncue.reset_character() == {"FINISHED"}
     synthesize()
     assert bpy.context.scene.oncue.character == character
+    assert worst_joint(oncue, core) < 1e-3
+
+
+def test_settings_that_change_nothing_are_no_hindrance(character, oncue, core):
+    for bone, how in zip(character.data.bones, ("NONE", "ALIGNED", "AVERAGE", "NONE_LEGACY"), strict=False):
+        bone.inherit_scale = how
+    for bone in character.pose.bones:
+        bone.lock_rotation = bone.lock_location = (True, True, True)
+    character.pose.bones["Head"].constraints.new("LIMIT_ROTATION").mute = True
+    synthesize()
     assert worst_joint(oncue, core) < 1e-3
 
 
