@@ -30,11 +30,12 @@ class Furniture:
     """Tells the scene's things from the persons, their belongings, the cues and what the artist left out."""
 
     def __init__(self, context: bpy.types.Context, exclude: bpy.types.Collection | None = None) -> None:
-        settings = context.scene.oncue
+        # Scripts read scenes without the extension: then nothing was chosen.
+        settings = getattr(context.scene, "oncue", None)
         self._view_layer = context.view_layer
-        exclude = exclude or settings.exclude
+        exclude = exclude or (settings.exclude if settings else None)
         self._left_out = set(exclude.all_objects) if exclude else set()
-        self._chosen = settings.character
+        self._chosen = settings.character if settings else None
         #: Object → whether it is a person's. What is being found out counts as nobody's, so that circles end.
         self._of_persons: dict[bpy.types.Object, bool] = {}
 
