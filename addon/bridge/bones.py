@@ -64,6 +64,6 @@ def keyed_channels(character: bpy.types.Object) -> set[tuple[str, str]]:
 
 
 def driven_bones(data: bpy.types.AnimData, names: list[str]) -> list[bpy.types.FCurve]:
-    """The drivers of the skeleton's bones."""
-    paths = tuple(f'pose.bones["{bone}"].' for bone in names)
+    """The drivers that place, turn or scale bones of the skeleton."""
+    paths = tuple(f'pose.bones["{bone}"].{channel}' for bone in names for channel in ("location", "rotation_", "scale"))
     return [driver for driver in data.drivers if driver.data_path.startswith(paths)]

@@ -56,22 +56,20 @@ def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_dr
     }
 
 
-def read_task_at(
-    context: bpy.types.Context, first_frame: int, metres_per_unit: float = 1.0
+def at_first_frame(
+    context: bpy.types.Context, task: dict, first_frame: int, metres_per_unit: float = 1.0
 ) -> tuple[dict, list[tuple[str, str]]]:
-    """`read_task`, and (cue, sentence) of each cue that moves by itself: those are read as they stand at `first_frame`.
+    """A task that was just read, with its cues as they stand at `first_frame` where some move by themselves; and (cue,
+    sentence) of each of these.
 
-    Where the playhead stands then makes no difference. Cues that nothing animates are read where the artist put them.
+    Where the playhead stands then makes no difference. It may go through the frames.
     """
-    cues = visible_cues(context, "start", *ENDS, *FEET)
-    animated = [cue for cue in cues if may_move(cue)]
+    animated = [cue for cue in visible_cues(context, "start", *ENDS, *FEET) if may_move(cue)]
     moved = moving(context, animated, first_frame) if animated else []
     if not moved:
-        return read_task(context, metres_per_unit), []
+        return task, []
     scene = context.scene
-    if (scene.frame_current, scene.frame_subframe) == (first_frame, 0.0):
-        task = read_task(context, metres_per_unit)
-    else:
+    if (scene.frame_current, scene.frame_subframe) != (first_frame, 0.0):
         with current_frame_kept(scene):
             scene.frame_set(first_frame)
             task = read_task(context, metres_per_unit)

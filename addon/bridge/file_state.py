@@ -79,17 +79,18 @@ def check_scene(scene: bpy.types.Scene) -> None:
 
 
 def check_character(context: bpy.types.Context, character: bpy.types.Object, skeleton: dict) -> None:
-    """Raises CharacterError naming what keeps the character from playing an action as it was made."""
-    name = character.name
-    for said in _hindrances(context, character, list(skeleton["names"])):
-        raise CharacterError(f"{name} {said}.")
+    """Raises SceneError where the character can take no action, CharacterError where it would not play one as made."""
+    for said in _refusals(context, character):
+        raise SceneError(f"{character.name} {said}.")
+    for said in _hindrances(character, list(skeleton["names"])):
+        raise CharacterError(f"{character.name} {said}.")
     said = scale_fault(character, context.scene.oncue.scene_scale)
     if said:
-        raise CharacterError(f"{name} {said}.")
+        raise CharacterError(f"{character.name} {said}.")
 
 
-def _hindrances(context: bpy.types.Context, character: bpy.types.Object, names: list[str]) -> Iterator[str]:
-    """What is amiss, each the rest of a sentence that begins with the character's name."""
+def _refusals(context: bpy.types.Context, character: bpy.types.Object) -> Iterator[str]:
+    """Why nothing can be written on it, each the rest of a sentence that begins with the character's name."""
     if character.library is not None:
         yield (
             f"is linked from {character.library.filepath} and cannot get an action: make a library override of it, or "
@@ -97,13 +98,17 @@ def _hindrances(context: bpy.types.Context, character: bpy.types.Object, names: 
         )
     if not character.is_editable:
         yield "is a library override that cannot be edited: make it editable (Object, Library Override)"
-    if context.view_layer.objects.get(character.name) is not character:
+    if context.view_layer.objects.get(character.name) != character:
         yield (
             f"lies in no collection that the view layer {context.view_layer.name} shows: include its collection, or "
             "clear the Character field in Oncue's settings"
         )
     if character.mode == "EDIT":
         yield "is in edit mode, in which it shows no motion: leave edit mode (Tab)"
+
+
+def _hindrances(character: bpy.types.Object, names: list[str]) -> Iterator[str]:
+    """What can be reset, each the rest of a sentence that begins with the character's name."""
     if character.data.pose_position == "REST":
         yield f"shows its rest position: set it to Pose Position (armature properties), {RESET}"
     yield from _animation_hindrances(character.animation_data, names)

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
+from . import compat
+
 #: Frames that are looked at to see whether a thing moves, seconds after the first.
 LOOKED_AT = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 #: How far the entries of a world matrix may differ for a thing that stands still.
@@ -43,7 +45,8 @@ def may_move(thing: bpy.types.Object, *, own_action: bool = True) -> bool:
         data = one.animation_data
         if data is not None:
             tracks = data.use_nla and any(not track.mute and len(track.strips) for track in data.nla_tracks)
-            if (with_action and data.action is not None) or tracks or len(data.drivers):
+            played = compat.action_curves(data.action, one) if with_action and data.action is not None else []
+            if tracks or len(data.drivers) or any(map(_varies, played)):
                 return True
         constraints = [c for c in one.constraints if not c.mute and c.influence > 0.0]
         targets = [getattr(c, "target", None) for c in constraints]
@@ -53,6 +56,11 @@ def may_move(thing: bpy.types.Object, *, own_action: bool = True) -> bool:
             return True
         todo += [(other, True) for other in [one.parent, *targets] if other is not None]
     return False
+
+
+def _varies(curve: bpy.types.FCurve) -> bool:
+    values = [point.co.y for point in curve.keyframe_points]
+    return bool(curve.modifiers) or (len(values) > 1 and max(values) - min(values) > 1e-6)
 
 
 def moving(context: bpy.types.Context, things: list[bpy.types.Object], first_frame: int) -> list[bpy.types.Object]:

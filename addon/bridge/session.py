@@ -22,7 +22,7 @@ from ..scene_frames import in_scene_frames
 from . import armature, character_reset, compat, file_state, pins
 from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
-from .cue_reader import ENDS, FEET, read_task, read_task_at, visible_cues
+from .cue_reader import ENDS, FEET, at_first_frame, read_task, visible_cues
 from .hand_reader import read_manipulations
 from .names import CHARACTER_KEY, REPORT_KEY
 from .scene_reader import read_scene
@@ -74,7 +74,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     # What goes through the frames comes last: what was moved and not keyed is back at its keys afterwards.
     if hands:
         file_state.check_over_time(context, character)
-        task, notes = read_task_at(context, settings.start_frame, settings.scene_scale)
+        task, notes = at_first_frame(context, task, settings.start_frame, settings.scene_scale)
         manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale)
     if manipulations:
         task["manipulations"] = manipulations

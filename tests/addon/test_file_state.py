@@ -356,6 +356,20 @@ def test_a_character_that_would_play_it_otherwise_is_named(character, oncue, cor
     assert worst_joint(oncue, core) < 1e-3
 
 
+@pytest.mark.parametrize("state", ["edit mode", "excluded"])
+def test_what_cannot_be_reset_offers_no_reset(character, oncue, state):
+    if state == "edit mode":
+        enter_edit_mode(character)
+    else:
+        bpy.context.scene.collection.children["Oncue"].objects.unlink(character)
+        other = bpy.data.collections.new("Elsewhere")
+        bpy.context.scene.collection.children.link(other)
+        other.objects.link(character)
+        bpy.context.view_layer.layer_collection.children["Elsewhere"].exclude = True
+    refused("Oncue Character (is in edit mode|lies in no collection)")
+    assert oncue("job_operator").handle.kind is None
+
+
 def test_settings_that_change_nothing_are_no_hindrance(character, oncue, core):
     for bone, how in zip(character.data.bones, ("NONE", "ALIGNED", "AVERAGE", "NONE_LEGACY"), strict=False):
         bone.inherit_scale = how
@@ -732,6 +746,8 @@ def test_what_was_moved_and_not_keyed_is_read_where_it_is_seen(stool, oncue):
 
 
 def test_an_unkeyed_place_of_a_cue_is_what_counts(stool, oncue):
+    """With a key or without: one that says the same in every frame moves nothing."""
+    bpy.data.objects["Start"].keyframe_insert("location", frame=1)
     bpy.data.objects["Start"].location.x += 0.3
     request, notes = oncue("bridge.session").read_request(stool)
     assert request.task["start"]["position"][0] == pytest.approx(bpy.data.objects["Start"].location.x, abs=1e-6)
