@@ -24,6 +24,8 @@ END_TAILS = {
     "LeftToe": (0.0, -0.07, 0.0),
     "RightToe": (0.0, -0.07, 0.0),
 }
+#: As many bones with a rigid part on each make a body.
+PARTS_OF_A_BODY = 4
 #: A joint that was moved further than this from the core's rest pose makes the armature another skeleton, metres.
 REST_TOLERANCE = 1e-4
 
@@ -97,9 +99,9 @@ def make_character(context: bpy.types.Context, skeleton: dict, metres_per_unit: 
 
 def give_skin(context: bpy.types.Context, character: bpy.types.Object, skeleton: dict) -> None:
     """Binds a mannequin to a character that nothing is bound to: one whose armature was deleted, else a new one."""
-    if any(_is_bound(thing, character) for thing in bpy.data.objects):
+    if _has_skin(character):
         return
-    body = next((thing for thing in context.scene.objects if _is_abandoned_skin(thing)), None)
+    body = next((thing for thing in context.scene.objects if _is_abandoned_skin(thing, skeleton)), None)
     if body is None:
         body = mannequin.make(skeleton, rest_positions(skeleton))
         body[CHARACTER_KEY] = True
@@ -107,22 +109,34 @@ def give_skin(context: bpy.types.Context, character: bpy.types.Object, skeleton:
     body.parent = character
     body.matrix_parent_inverse.identity()
     body.matrix_basis.identity()
-    modifier = next((m for m in body.modifiers if m.type == "ARMATURE"), None) or body.modifiers.new(
-        "Armature", "ARMATURE"
-    )
-    modifier.object = character
+    modifiers = [modifier for modifier in body.modifiers if modifier.type == "ARMATURE"]
+    (modifiers or [body.modifiers.new("Armature", "ARMATURE")])[0].object = character
     context.view_layer.update()
 
 
-def _is_bound(thing: bpy.types.Object, character: bpy.types.Object) -> bool:
-    deforming = [m.object for m in thing.modifiers if m.type == "ARMATURE"]
-    return bool(thing.users_scene) and thing.type == "MESH" and (thing.parent == character or character in deforming)
+def _has_skin(character: bpy.types.Object) -> bool:
+    """Whether a mesh is deformed by the character, or a body of rigid parts hangs on its bones. A cup in the hand is no
+    skin."""
+    meshes = [thing for thing in bpy.data.objects if thing.type == "MESH" and thing.users_scene]
+    deformed = any(
+        character in _deforming(mesh) or (mesh.parent == character and mesh.parent_type == "ARMATURE")
+        for mesh in meshes
+    )
+    parts = {mesh.parent_bone for mesh in meshes if mesh.parent == character and mesh.parent_type == "BONE"}
+    return deformed or len(parts) >= PARTS_OF_A_BODY
 
 
-def _is_abandoned_skin(thing: bpy.types.Object) -> bool:
-    deforming = [m.object for m in thing.modifiers if m.type == "ARMATURE"]
-    orphan = thing.parent is None and not any(deforming) and thing.library is None
-    return thing.type == "MESH" and thing.get(CHARACTER_KEY) is not None and orphan
+def _deforming(mesh: bpy.types.Object) -> list[bpy.types.Object | None]:
+    """The armatures of a mesh's modifiers; None for one that was deleted."""
+    return [modifier.object for modifier in mesh.modifiers if modifier.type == "ARMATURE"]
+
+
+def _is_abandoned_skin(thing: bpy.types.Object, skeleton: dict) -> bool:
+    """Whether a mesh is a mannequin whose armature was deleted."""
+    if thing.type != "MESH" or thing.get(CHARACTER_KEY) is None or not thing.is_editable or thing.parent is not None:
+        return False
+    armatures = _deforming(thing)
+    return bool(armatures) and not any(armatures) and all(name in thing.vertex_groups for name in skeleton["names"])
 
 
 def rest_rotations(character: bpy.types.Object, names: list[str]) -> np.ndarray:

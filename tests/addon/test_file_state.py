@@ -490,11 +490,29 @@ def test_bones_whose_skin_was_deleted_get_another(character, stool):
     assert stool.scene.oncue.character == character
 
 
-def test_ones_own_skin_is_skin_enough(character):
+def rigid_parts(character):
+    for bone in ("Head", "Hips", "LeftHand", "RightHand"):
+        part = add_cube(f"{bone} Part", size=0.2)
+        part.parent, part.parent_type, part.parent_bone = character, "BONE", bone
+
+
+@pytest.mark.parametrize(("dress", "enough"), [(own_skin, True), (rigid_parts, True), (prop_on_a_bone, False)])
+def test_ones_own_skin_is_skin_enough_and_a_cup_is_none(character, dress, enough):
     bpy.data.objects.remove(next(child for child in character.children if child.type == "MESH"))
-    own_skin(character)
+    dress(character)
+    children = set(character.children)
     synthesize()
-    assert [child.name for child in character.children] == ["Own Skin"]
+    assert (set(character.children) == children) == enough
+
+
+def test_a_mesh_that_only_carries_the_key_is_nobodys_skin(stool):
+    """Scripts give the key to what is to be no obstacle."""
+    marked = add_cube("Ghost", location=(9, 9, 0))
+    marked["oncue_character"] = True
+    synthesize()
+    assert marked.parent is None
+    assert len(marked.modifiers) == 0
+    assert tuple(marked.location) == (9, 9, 0)
 
 
 def test_a_skin_whose_bones_were_deleted_gets_others(character, stool):
