@@ -6,13 +6,13 @@ from __future__ import annotations
 from types import ModuleType
 
 from . import job_operator, overlay, panels, preferences, properties
-from .operators import edit, follow, library, manifold, place_cues, policies, scene_setup, synthesize
+from .operators import edit, follow, library, manifold, menus, place_cues, policies, scene_setup, synthesize
 
 #: In the order of registering: properties before what shows them, the job's handle before what uses it.
 MODULES = (
     *(properties, preferences, job_operator),
     *(synthesize, follow, library, manifold, place_cues, scene_setup, edit, policies),
-    *(panels, overlay),
+    *(menus, panels, overlay),
 )
 
 _registered: list[ModuleType] = []

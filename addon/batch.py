@@ -5,7 +5,8 @@
     python addon/batch.py scene.blend --out out.blend --report out.json --seed 1        (with the bpy module)
 
 Uses the installed extension where it is enabled, else the folder that this file lies in (oncue_core must then be
-importable). Exits with 0, with 1 and a sentence where there is no result, with 3 where a cue was not met.
+importable). Exits with 0; with 1 and a sentence where there is no result, with 2 where the command line cannot be read,
+with 3 where a cue was not met.
 """
 
 import importlib

@@ -5,7 +5,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
+import os
 import sys
+import traceback
 from pathlib import Path
 
 import bpy
@@ -16,13 +19,25 @@ from .bridge.policies import policy_cache
 from .errors import SceneError
 from .files import check_writable
 from .pipeline import LibraryCache, Progress, run_blocking, synthesis_steps
+from .properties import LARGEST_INTEGER, LAST_FRAME, SCENE_SCALES
 
-#: Exit statuses: done; no result; written, but a cue was not met.
-DONE, FAILED, NOT_MET = 0, 1, 3
+#: Exit statuses: done; no result; written, but a cue was not met. argparse has one of its own for a command it cannot
+#: read.
+DONE, FAILED, USAGE, NOT_MET = 0, 1, 2, 3
+EXIT_STATUSES = f"""exit status:
+  {DONE}  the file and the report are written, and every cue is met
+  {FAILED}  there is no result: one sentence on stderr says why, and so does the report
+  {USAGE}  the command line cannot be read: nothing was looked at
+  {NOT_MET}  the file and the report are written, but a cue was not met"""
 
 
 def parser() -> argparse.ArgumentParser:
-    made = argparse.ArgumentParser(prog="batch.py", description=__doc__)
+    made = argparse.ArgumentParser(
+        prog="batch.py",
+        description=__doc__,
+        epilog=EXIT_STATUSES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     made.add_argument("blend", nargs="?", type=Path, help="the scene; without it the file that is open")
     made.add_argument("--out", type=Path, required=True, help="the .blend file to write")
     made.add_argument("--report", type=Path, help="the report to write, JSON")
@@ -37,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--manifold", type=Path, help="a motion manifold of your own (default: the scene's)")
     made.add_argument("--preset", help="settings of the optimization (default: the scene's)")
     made.add_argument("--overrides", help="settings that depart from the preset, as a JSON object")
-    made.add_argument("--start-frame", type=int, help="frame of the first key")
+    made.add_argument("--start-frame", type=int, help="frame of the first key (default: the scene's first)")
     made.add_argument("--log", type=Path, help="what Oncue does goes to this file, to be sent along with a question")
     made.add_argument("--verbose", action="store_true", help="the same on stderr")
     made.add_argument("--scene-scale", type=float, help="metres per scene unit; 0.01 for centimetres")
@@ -62,10 +77,11 @@ def main(arguments: list[str]) -> int:
             return synthesize(options)
     except native.expected_errors() as error:
         log.logger.error(native.sentence(error))
-        print(f"Oncue: {native.sentence(error)}", file=sys.stderr, flush=True)
-        if report:
-            write_failure(options, native.sentence(error))
-        return FAILED
+        return failed(options, report, native.sentence(error))
+    except Exception as error:
+        # A bug: the whole story goes where the progress goes, and stands in the log.
+        traceback.print_exception(error, file=sys.stdout)
+        return failed(options, report, f"The run ended by {native.bug_sentence(error)}")
     except KeyboardInterrupt:
         print("Oncue: Cancelled.", file=sys.stderr, flush=True)
         return FAILED
@@ -79,6 +95,17 @@ def begin_log(options: argparse.Namespace, arguments: list[str]) -> None:
     if options.log:
         log.log_file.open(str(options.log), blender=compat.BLENDER_VERSION, append=False)
     log.logger.info("Arguments: %s", " ".join(arguments))
+
+
+def failed(options: argparse.Namespace, report: Path | None, why: str) -> int:
+    """Says why there is no result, on stderr and in the report."""
+    print(f"Oncue: {why}", file=sys.stderr, flush=True)
+    if report:
+        try:
+            write_json(report, {"success": False, "problems": [why], "seed": options.seed})
+        except SceneError as error:
+            print(f"Oncue: {error}", file=sys.stderr, flush=True)
+    return FAILED
 
 
 def synthesize(options: argparse.Namespace) -> int:
@@ -106,9 +133,7 @@ def synthesize(options: argparse.Namespace) -> int:
 def apply_options(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
     settings = scene.oncue
     if options.seed is not None:
-        if options.seed < 0:
-            raise SceneError(f"--seed {options.seed} is negative.")
-        settings.seed = options.seed
+        settings.seed = within(options.seed, "--seed", 0, LARGEST_INTEGER)
     if options.library is not None:
         settings.library_paths.clear()
         for path in options.library:
@@ -122,11 +147,19 @@ def apply_options(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
             raise SceneError(f"There is no preset {options.preset}; choose one of {', '.join(native.preset_names())}.")
         settings.preset = options.preset
     if options.overrides is not None:
+        session.read_overrides(options.overrides)
         settings.overrides = options.overrides
     if options.start_frame is not None:
-        settings.start_frame = options.start_frame
+        settings.start_frame = within(options.start_frame, "--start-frame", 0, LAST_FRAME)
     if options.scene_scale is not None:
-        settings.scene_scale = options.scene_scale
+        settings.scene_scale = within(options.scene_scale, "--scene-scale", *SCENE_SCALES)
+
+
+def within(value, name: str, smallest, largest):
+    """The value. Raises SceneError where the scene's setting cannot have it: Blender would take the nearest one."""
+    if not (math.isfinite(value) and smallest <= value <= largest):
+        raise SceneError(f"{name} {value} cannot be used: give a number from {smallest} to {largest}.")
+    return value
 
 
 def open_file(path: Path) -> None:
@@ -145,15 +178,15 @@ def save(path: Path) -> None:
         raise SceneError(f"{path} cannot be written: {str(error).strip()}") from error
 
 
-def write_failure(options: argparse.Namespace, why: str) -> None:
-    try:
-        write_json(options.report, {"success": False, "problems": [why], "seed": options.seed})
-    except OSError as error:
-        print(f"Oncue: {native.sentence(error)}", file=sys.stderr, flush=True)
-
-
 def write_json(path: Path, report: dict) -> None:
-    path.write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    """Writes it whole or not at all. Raises SceneError."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise SceneError(f"{path} cannot be written: {error.strerror}.") from error
 
 
 class ProgressPrinter:

@@ -10,5 +10,9 @@ class ScaleError(SceneError):
     """The scene's size says that it was not modelled in metres: another scene scale is the remedy."""
 
 
+class CharacterError(SceneError):
+    """The character is in a state in which it would not play the motion as it is made; it can be reset."""
+
+
 class FollowingEnded(Exception):
     """The cues cannot be followed any further; the message says why."""

@@ -10,30 +10,78 @@ that.
 from __future__ import annotations
 
 import logging
+import traceback
+from collections.abc import Callable
 
 import bpy
 from bpy.app.handlers import persistent
 
 from . import log, native
+from .bridge import session
+from .errors import CharacterError, ScaleError
 from .pipeline import Run, Steps, run_blocking
 
 #: Seconds between two looks at the work.
 TICK = 0.05
 CANCELLED = "Cancelled; the file is as it was."
+#: How long it is said that a run was stopped, seconds.
+STOPPED_NOTE_LASTS = 10.0
 #: How long unregister waits for the core, seconds; it stops within some tenths.
 STOP_WAIT = 10.0
 
 
-class JobHandle:
-    """The task at work, if any, and what the last one ended with."""
+class Notice:
+    """What the panel says until the file changes."""
 
     def __init__(self) -> None:
+        self.message = ""
+        #: Whether it tells a failure; what somebody stopped did not fail.
+        self.failed = False
+        #: The kind of refusal, where a button helps: a subclass of `SceneError`, else None.
+        self.kind: type[BaseException] | None = None
+        #: What the artist saw when it was said.
+        self._said_of: object = None
+
+    def say(self, message: str, *, failed: bool = False, kind: type[BaseException] | None = None) -> None:
+        """Shows a message until the file changes; that something was stopped goes by itself too."""
+        self.message, self.failed, self.kind = message, failed, kind
+        # What interrupts a run may be changing the file just now: then it is looked at afterwards.
+        self._said_of = session.what_is_seen(bpy.context) if failed else None
+        if message and not failed and not bpy.app.background:
+            bpy.app.timers.register(self._forgetting(message), first_interval=STOPPED_NOTE_LASTS)
+
+    def forget(self) -> None:
+        self.say("")
+
+    def forget_outdated(self) -> None:
+        """Takes the message away where the artist has changed something since it was said."""
+        if not self.message:
+            return
+        seen = session.what_is_seen(bpy.context)
+        if self._said_of is None:
+            self._said_of = seen
+        elif self._said_of != seen:
+            self.forget()
+            redraw_sidebars(bpy.context)
+
+    def _forgetting(self, message: str) -> Callable[[], None]:
+        """What a timer calls later: that something was stopped is no news any more."""
+
+        def forget() -> None:
+            if self.message == message and not self.failed:
+                self.forget()
+                redraw_sidebars(bpy.context)
+
+        return forget
+
+
+class JobHandle(Notice):
+    """The task at work, if any, and what the last one ended with: that message is the notice."""
+
+    def __init__(self) -> None:
+        super().__init__()
         self.run: Run | None = None
         self.title = ""
-        #: Why the last run was stopped or failed, for the panel; empty after a success.
-        self.message = ""
-        #: The kind of error that it failed with; None where it did not fail, or was stopped.
-        self.failure: type[BaseException] | None = None
         #: What is said where the artist stops the task.
         self.stopped_note = CANCELLED
         self._timer, self._window_manager = None, None
@@ -41,15 +89,11 @@ class JobHandle:
         self._leaving: list[Run] = []
 
     def start(self, context: bpy.types.Context, title: str, run: Run, stopped_note: str = CANCELLED) -> None:
-        self.run, self.title = run, title
         self.forget()
+        self.run, self.title = run, title
         self.stopped_note = stopped_note
         self._window_manager = context.window_manager
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
-
-    def forget(self) -> None:
-        """Nothing is said of the last run any more."""
-        self.message, self.failure = "", None
 
     def end(self) -> None:
         """Lets the task go; a timer of its own is removed."""
@@ -62,10 +106,10 @@ class JobHandle:
         """Cancels the task and lets it go at once; its threads stop by themselves."""
         if self.run is None:
             return
-        self.message, self.failure = why, None
         self.run.cancel()
         self._leaving = [run for run in (*self._leaving, self.run) if not run.poll()]
         self.end()
+        self.say(why)
 
     def stop_and_wait(self, why: str) -> None:
         """Cancels the task and returns once the core has stopped."""
@@ -105,7 +149,7 @@ class JobOperator:
         try:
             with log.bugs():
                 self.finish(context, run_blocking(self.begin(context)))
-        except native.expected_errors() as error:
+        except Exception as error:
             return self._refused(error)
         handle.forget()
         return {"FINISHED"}
@@ -120,7 +164,7 @@ class JobOperator:
             with log.bugs():
                 run = Run(self.begin(context))
             run.poll()
-        except native.expected_errors() as error:
+        except Exception as error:
             return self._refused(error)
         self._scene, self._run = context.scene.name, run
         handle.start(context, self.title, run, self.stopped_note)
@@ -129,7 +173,8 @@ class JobOperator:
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if event.type == "ESC" and event.value == "PRESS" and self._run is handle.run:
+        # Who presses Esc while the scene plays wants that to stop, and the run to go on.
+        if event.type == "ESC" and event.value == "PRESS" and self._run is handle.run and not is_playing(context):
             handle.stop(self.stopped_note)
         run = self._run
         if run is not handle.run:  # ended here, or from elsewhere
@@ -156,19 +201,27 @@ class JobOperator:
                     self.report({"ERROR"}, f"The result belongs to the scene {self._scene}: show it and run again.")
                     return {"CANCELLED"}
                 self.finish(context, value)
-        except native.expected_errors() as error:
+        except Exception as error:
             return self._refused(error)
         finally:
             redraw_sidebars(context)
         return {"FINISHED"}
 
-    def _refused(self, error: BaseException) -> set[str]:
-        if native.is_cancelled(error):
-            handle.message, handle.failure = self.stopped_note, None
+    def _refused(self, error: Exception) -> set[str]:
+        """Says why it ended: in one sentence, whatever it was. What is a bug is told to the console in full."""
+        failed = not native.is_cancelled(error)
+        if not failed:
+            message = self.stopped_note
+        elif isinstance(error, native.expected_errors()):
+            message = native.sentence(error)
         else:
-            handle.message, handle.failure = native.sentence(error), type(error)
-        log.logger.log(logging.ERROR if handle.failure else logging.INFO, handle.message)
-        self.report({"ERROR" if handle.failure else "INFO"}, handle.message)
+            traceback.print_exception(error)
+            why = native.bug_sentence(error)
+            message = f"{self.title} ended by {why} The file is as it was; the console tells more."
+        kind = next((kind for kind in (CharacterError, ScaleError) if isinstance(error, kind)), None)
+        handle.say(message, failed=failed, kind=kind)
+        log.logger.log(logging.ERROR if failed else logging.INFO, message)
+        self.report({"ERROR" if failed else "INFO"}, message)
         return {"CANCELLED"}
 
 
@@ -188,6 +241,11 @@ class ONCUE_OT_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
+def is_playing(context: bpy.types.Context) -> bool:
+    """Whether the animation plays in any window."""
+    return any(window.screen.is_animation_playing for window in context.window_manager.windows)
+
+
 def redraw_sidebars(context: bpy.types.Context) -> None:
     """The sidebars only: the view itself has nothing new to show."""
     for window in context.window_manager.windows:
@@ -196,6 +254,11 @@ def redraw_sidebars(context: bpy.types.Context) -> None:
                 for region in area.regions:
                     if region.type == "UI":
                         region.tag_redraw()
+
+
+@persistent
+def _forget_outdated(*_) -> None:
+    handle.forget_outdated()
 
 
 @persistent
@@ -213,6 +276,7 @@ def register() -> None:
     bpy.app.handlers.load_pre.append(_stop_for_load)
     bpy.app.handlers.undo_pre.append(_stop_for_undo)
     bpy.app.handlers.redo_pre.append(_stop_for_undo)
+    bpy.app.handlers.depsgraph_update_post.append(_forget_outdated)
 
 
 def unregister() -> None:
@@ -221,6 +285,7 @@ def unregister() -> None:
         (bpy.app.handlers.load_pre, _stop_for_load),
         (bpy.app.handlers.undo_pre, _stop_for_undo),
         (bpy.app.handlers.redo_pre, _stop_for_undo),
+        (bpy.app.handlers.depsgraph_update_post, _forget_outdated),
     ):
         if ours in handlers:
             handlers.remove(ours)

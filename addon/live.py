@@ -31,6 +31,7 @@ from .pipeline import (
     read_manifold,
 )
 from .policy_cache import PolicyCache
+from .scene_frames import in_scene_frames, told_in_scene_frames
 
 #: Seconds without a change after which things are taken to rest.
 REST = 0.5
@@ -79,7 +80,8 @@ def world_steps(request: Request, cache: LibraryCache, policies: PolicyCache, be
     if before is not None and _same_scene(request, before.request):
         scene = before.scene
     else:
-        scene = yield from finish(core.index_scene(request.positions, request.triangles))
+        settings = merged(core.default_settings(request.preset), request.overrides)["scene"]
+        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings))
     return World(request, library, skipped, scene, policies.find(scene, library), manifold)
 
 
@@ -87,14 +89,18 @@ def play_steps(world: World, request: Request, overrides: core.Settings) -> Step
     """The motion of the policy that is there; `overrides` come after the request's own."""
     began = time.perf_counter()
     settings = merged(merged(core.default_settings(request.preset), request.overrides), overrides)
-    synthesis = yield from finish(
-        core.synthesize(world.scene, world.library, request.task, settings, request.seed, world.kept, world.manifold)
-    )
+    with told_in_scene_frames(request.start_frame, request.scene_rate):
+        job = core.synthesize(
+            world.scene, world.library, request.task, settings, request.seed, world.kept, world.manifold
+        )
+        synthesis = yield from finish(job)
     return Outcome(synthesis, {"synthesis": time.perf_counter() - began}, world.skipped_files)
 
 
 def _same_scene(a: Request, b: Request) -> bool:
-    return np.array_equal(a.positions, b.positions) and np.array_equal(a.triangles, b.triangles)
+    settings = [(request.preset, request.overrides.get("scene")) for request in (a, b)]
+    same = np.array_equal(a.positions, b.positions) and np.array_equal(a.triangles, b.triangles)
+    return same and settings[0] == settings[1]
 
 
 class Follower:
@@ -220,7 +226,8 @@ class Follower:
             if since is not None:
                 self.delay = self._clock() - since
             # Of a few rollouts none may meet the cue where one of many does.
-            self.line = " ".join([MISSED, *report["problems"][:1]]) if at_rest and not report["success"] else ""
+            told = [in_scene_frames(said, request.start_frame, request.scene_rate) for said in report["problems"][:1]]
+            self.line = " ".join([MISSED, *told]) if at_rest and not report["success"] else ""
 
         self._start(play_steps(world, request, overrides), done, at_rest=since is None)
 

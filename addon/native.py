@@ -44,6 +44,13 @@ def sentence(error: BaseException) -> str:
     return str(error)
 
 
+def bug_sentence(error: BaseException) -> str:
+    """What is said of an error that nobody expected, as the end of a sentence."""
+    lines = str(error).strip().splitlines()
+    said = f": {lines[-1][:200].rstrip('.')}" if lines else ""
+    return f"an error of Oncue's own ({type(error).__name__}{said})."
+
+
 def is_cancelled(error: BaseException) -> bool:
     return not MISSING and isinstance(error, core.Cancelled)
 

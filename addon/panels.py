@@ -12,12 +12,14 @@ from .bridge import session
 from .bridge.cue_objects import KINDS
 from .bridge.cue_reader import ENDS, HANDS, visible_cues
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
-from .bridge.pins import read_pins
-from .errors import ScaleError
+from .bridge.pins import Pin, read_pins
+from .errors import CharacterError, ScaleError
 from .job_operator import handle
 from .operators.follow import following
 
 CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
+#: A list that is no longer is open at first; of a longer one so many lines are shown.
+SHORT_LIST, LONGEST_LIST = 12, 100
 #: Pixels that a character of the interface's font is wide, on average.
 CHARACTER_WIDTH = 7
 
@@ -100,9 +102,14 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
         layout, settings = self.layout, context.scene.oncue
         layout.use_property_split = True
         layout.use_property_decorate = False
-        for name in ("seed", "start_frame", "preset", "overrides", "character", "exclude", "scene_scale", "show_cues"):
+        layout.prop(settings, "seed")
+        row = layout.row(align=True)
+        row.prop(settings, "start_frame")
+        row.prop(settings, "starts_with_shot", text="", icon="PREVIEW_RANGE")
+        for name in ("preset", "overrides", "character", "exclude", "scene_scale", "show_cues"):
             layout.prop(settings, name)
         layout.operator("oncue.toggle_exclude")
+        layout.operator("oncue.reset_character")
 
 
 class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
@@ -123,8 +130,10 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
         row.operator("oncue.synthesize", icon="ARMATURE_DATA")
         _draw_following(context, layout)
         if handle.message:
-            write_lines(context, layout.box(), handle.message, "ERROR" if handle.failure else "INFO")
-            if handle.failure is ScaleError:
+            write_lines(context, layout.box(), handle.message, "ERROR" if handle.failed else "INFO")
+            if handle.kind is CharacterError:
+                layout.operator("oncue.reset_character", icon="LOOP_BACK")
+            elif handle.kind is ScaleError:
                 row = layout.row(align=True)
                 for label, scale in (("Centimetres", 0.01), ("Millimetres", 0.001), ("Metres", 1.0)):
                     row.operator("oncue.set_scene_scale", text=label).scale = scale
@@ -141,9 +150,15 @@ class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, report = self.layout, session.current_report(context.scene)
         column = layout.column(align=True)
-        for line, icon in result_lines(report):
+        if not session.belongs_to_cues(context, report):
+            write_lines(context, column, "The cues have changed since: this motion belongs to where they were.", "INFO")
+        try:
+            lines, problems = result_lines(report), session.problems_of(report)
+        except (KeyError, TypeError, ValueError, AttributeError):
+            lines, problems = [], ["The report that is kept with this take was changed and cannot be read."]
+        for line, icon in lines:
             column.label(text=line, icon=icon)
-        for problem in session.problems_of(report):
+        for problem in problems:
             write_lines(context, layout.box(), problem, "ERROR")
 
 
@@ -160,12 +175,24 @@ class ONCUE_PT_edit(OncuePanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("oncue.pin", icon="PINNED")
         row.operator("oncue.pin", text="Pin over Frames", icon="PREVIEW_RANGE").over_range = True
-        column = layout.column(align=True)
-        for index, pin in enumerate(read_pins(session.current_action(context.scene))):
-            row = column.row(align=True)
-            row.label(text=pin.title, icon="KEY_HLT" if pin.is_key else "PINNED")
-            row.operator("oncue.remove_pin", text="", icon="X", emboss=False).index = index
         layout.operator("oncue.resolve", icon="FILE_REFRESH")
+        pins = read_pins(session.current_action(context.scene))
+        if not pins:
+            return
+        header, body = layout.panel("oncue_pins", default_closed=len(pins) > SHORT_LIST)
+        header.label(text=f"{len(pins)} Pins and Keys" if len(pins) > 1 else "1 Pin or Key")
+        header.operator("oncue.remove_pins", text="", icon="TRASH", emboss=False)
+        if body:
+            _draw_pins(body.column(align=True), pins)
+
+
+def _draw_pins(column: bpy.types.UILayout, pins: list[Pin]) -> None:
+    for index, pin in enumerate(pins[:LONGEST_LIST]):
+        row = column.row(align=True)
+        row.label(text=pin.title, icon="KEY_HLT" if pin.is_key else "PINNED")
+        row.operator("oncue.remove_pin", text="", icon="X", emboss=False).index = index
+    if len(pins) > LONGEST_LIST:
+        column.label(text=f"and {len(pins) - LONGEST_LIST} more")
 
 
 def result_lines(report: dict) -> list[tuple[str, str]]:
@@ -183,11 +210,22 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
         lines.append((f"Foot contact {report['foot']['contact_cm']:.1f} cm", "BLANK1"))
         lines.append((f"Skate {report['foot']['skate_cm']:.2f} cm a frame", "BLANK1"))
     if "penetration" in report:
-        lines.append((f"Clipping in {report['penetration']['percent']:.1f} % of the frames", "BLANK1"))
+        lines += _clipping_lines(report["penetration"])
     seconds = report.get("extension", {}).get("seconds", {})
     if seconds:
         lines.append((f"Made in {sum(seconds.values()):.0f} s, seed {report.get('seed', 0)}", "TIME"))
     return lines
+
+
+def _clipping_lines(penetration: dict) -> list[tuple[str, str]]:
+    """In how many frames limbs are in the scene, and any part at all: which part most."""
+    lines = [(f"Clipping: legs or arms in {penetration['percent']:.1f} % of the frames", "BLANK1")]
+    parts = penetration.get("parts_percent") or {}
+    whole = f"    any part in {penetration['whole_body_percent']:.1f} %"
+    if parts:
+        worst = max(parts, key=parts.get)
+        whole += f", most the {worst} ({parts[worst]:.1f} %)"
+    return [*lines, (whole, "BLANK1")]
 
 
 def _met_lines(constraints: list[dict], skip: set[str]) -> list[tuple[str, str]]:

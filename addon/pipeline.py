@@ -21,6 +21,7 @@ from .log import logger
 from .motion import Motion
 from .native import core
 from .policy_cache import PolicyCache
+from .scene_frames import CORE_RATE, told_in_scene_frames
 
 #: Ending of a library file that Oncue wrote.
 LIBRARY_SUFFIX = ".oncue"
@@ -62,6 +63,9 @@ class Request:
     overrides: core.Settings = field(default_factory=dict)
     #: File of the manifold that seat and hands are fitted along; empty for the one that ships.
     manifold: str = ""
+    #: The scene's frame at which the motion begins, and the scene's frames a second.
+    start_frame: int = 0
+    scene_rate: float = CORE_RATE
 
 
 @dataclass(frozen=True)
@@ -82,6 +86,9 @@ class EditRequest:
     preset: str = "default"
     overrides: core.Settings = field(default_factory=dict)
     manifold: str = ""
+    #: As of a `Request`.
+    start_frame: int = 0
+    scene_rate: float = CORE_RATE
 
 
 @dataclass(frozen=True)
@@ -119,12 +126,12 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     seconds: dict[str, float] = {}
     _log_request(request)
     manifold = read_manifold(request.manifold)
+    settings = merged(core.default_settings(request.preset), request.overrides)
     with _timed(seconds, "library"):
         library, skipped = yield from library_steps(request.library, cache)
     with _timed(seconds, "scene_index"):
-        scene = yield from finish(core.index_scene(request.positions, request.triangles))
-    with _timed(seconds, "synthesis"):
-        settings = merged(core.default_settings(request.preset), request.overrides)
+        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings["scene"]))
+    with _timed(seconds, "synthesis"), told_in_scene_frames(request.start_frame, request.scene_rate):
         kept = policies.find(scene, library) if policies else None
         synthesis = yield from finish(
             core.synthesize(scene, library, request.task, settings, request.seed, kept, manifold)
@@ -145,22 +152,23 @@ def _log_request(request: Request) -> None:
 def edit_steps(request: EditRequest) -> Steps[core.EditedMotion]:
     """Solves an artist's edit; gives the core's edited motion."""
     scene, manifold = None, read_manifold(request.manifold)
-    if request.positions is not None and request.triangles is not None:
-        scene = yield from finish(core.index_scene(request.positions, request.triangles))
     settings = merged(core.default_settings(request.preset), request.overrides)
-    edited = yield from finish(
-        core.edit_motion(
-            request.motion.root_positions,
-            request.motion.rotations,
-            request.contacts,
-            keys=request.keys,
-            constraints=request.constraints,
-            floor=request.floor,
-            scene=scene,
-            settings=settings,
-            manifold=manifold,
+    if request.positions is not None and request.triangles is not None:
+        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings["scene"]))
+    with told_in_scene_frames(request.start_frame, request.scene_rate):
+        edited = yield from finish(
+            core.edit_motion(
+                request.motion.root_positions,
+                request.motion.rotations,
+                request.contacts,
+                keys=request.keys,
+                constraints=request.constraints,
+                floor=request.floor,
+                scene=scene,
+                settings=settings,
+                manifold=manifold,
+            )
         )
-    )
     return edited
 
 
@@ -196,13 +204,19 @@ def checkpoint_of(path: str) -> Path:
 
 
 def merged(settings: core.Settings, overrides: core.Settings, where: str = "") -> core.Settings:
-    """The settings with what `overrides` names replaced. Raises SceneError for a name that there is not."""
+    """The settings with what `overrides` names replaced.
+
+    Raises SceneError for a name that there is not, and for a group that is given as something else.
+    """
     out = dict(settings)
     for name, value in overrides.items():
         if name not in settings:
             raise SceneError(f"There is no setting {where}{name}; choose one of {', '.join(sorted(settings))}.")
-        nested = isinstance(settings[name], dict) and isinstance(value, dict)
-        out[name] = merged(settings[name], value, f"{where}{name}.") if nested else value
+        if isinstance(settings[name], dict):
+            if not isinstance(value, dict):
+                raise SceneError(f"The setting {where}{name} is a group: give it as an object, not as {value!r}.")
+            value = merged(settings[name], value, f"{where}{name}.")
+        out[name] = value
     return out
 
 
@@ -357,12 +371,15 @@ class Run(Generic[T_co]):
         if self._job is None or self._finished:
             return Progress(elapsed_s=now - self._began)
         seen = self._job.progress()
-        if seen["stage"] != self._stage:
-            self._stage, self._stage_began = seen["stage"], now
-        fraction, taken = float(seen["fraction"]), now - self._stage_began
+        # A job that has only begun has no stage yet: it is still that of the one before.
+        stage = seen["stage"] or self._stage or Progress.stage
+        if stage != self._stage:
+            self._stage, self._stage_began = stage, now
+        # The core counts what it has done, which may be more than it meant to do.
+        fraction, taken = min(max(0.0, float(seen["fraction"])), 1.0), now - self._stage_began
         remaining = taken * (1.0 - fraction) / fraction if fraction > 0.03 and taken > 1.0 else None
         return Progress(
-            stage=seen["stage"],
+            stage=stage,
             fraction=fraction,
             update=int(seen["update"]),
             reward=float(seen["reward"]),

@@ -17,6 +17,10 @@ from bpy.props import (
 from . import native
 from .bridge.compat import RELATIVE_PATHS
 
+#: The largest number that a property of Blender's has, and the last frame of a scene.
+LARGEST_INTEGER, LAST_FRAME = 2**31 - 1, 1_000_000
+#: Smallest and largest metres per scene unit.
+SCENE_SCALES = (1e-4, 1e4)
 #: Dynamic enum items must stay alive while Blender shows them.
 _PRESETS: list[tuple[str, str, str]] = []
 PRESET_NOTES = {
@@ -30,6 +34,18 @@ def _presets(_self, _context):
         for name in native.preset_names():
             _PRESETS.append((name, name.title(), PRESET_NOTES.get(name, "")))
     return _PRESETS
+
+
+def _first_frame(settings) -> int:
+    """The frame that was chosen, else the first of the shot: of the preview range where one is set."""
+    if not settings.starts_with_shot:
+        return settings.chosen_frame
+    scene = settings.id_data
+    return max(scene.frame_preview_start if scene.use_preview_range else scene.frame_start, 0)
+
+
+def _choose_first_frame(settings, frame: int) -> None:
+    settings.chosen_frame, settings.starts_with_shot = frame, False
 
 
 def _confirm_scale(self, _context) -> None:
@@ -56,8 +72,8 @@ class OncueLibraryPath(bpy.types.PropertyGroup):
 class OncueSettings(bpy.types.PropertyGroup):
     """Settings of one scene."""
 
-    library_paths: CollectionProperty(type=OncueLibraryPath)
-    library_index: IntProperty(name="Entry")
+    library_paths: CollectionProperty(description="The motion library's files and folders", type=OncueLibraryPath)
+    library_index: IntProperty(name="Entry", description="The entry that the list shows as chosen")
     starter: EnumProperty(
         name="Starter",
         description="What the procedural starter library adds to your files",
@@ -92,13 +108,30 @@ class OncueSettings(bpy.types.PropertyGroup):
     seed: IntProperty(
         name="Seed", description="The same seed gives the same motion; another one another take", min=0, default=1
     )
-    start_frame: IntProperty(name="Start Frame", description="Frame of the first key", default=1, min=0, max=1_000_000)
+    start_frame: IntProperty(
+        name="Start Frame",
+        description="Frame of the first key; where none is chosen, the first of the shot",
+        min=0,
+        max=LAST_FRAME,
+        get=_first_frame,
+        set=_choose_first_frame,
+    )
+    starts_with_shot: BoolProperty(
+        name="Start with the Shot",
+        description="Begin at the scene's first frame, or at that of its preview range",
+        default=True,
+    )
+    chosen_frame: IntProperty(description="The start frame that was chosen", options={"HIDDEN"}, default=1)
+    shot_end: IntProperty(description="The scene's last frame as the artist had it", options={"HIDDEN"}, default=-1)
+    fitted_end: IntProperty(
+        description="The scene's last frame as a take made it; -1 where none did", options={"HIDDEN"}, default=-1
+    )
     scene_scale: FloatProperty(
         name="Scene Scale",
         description="Metres per scene unit: 1 for a scene in metres, 0.01 for centimetres",
         default=1.0,
-        min=1e-4,
-        max=1e4,
+        min=SCENE_SCALES[0],
+        max=SCENE_SCALES[1],
         precision=4,
         update=_confirm_scale,
     )

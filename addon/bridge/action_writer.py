@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Motion of the core → a new action of the character: quaternion and location keys at the scene's frame rate."""
+"""Motion of the core → a new action of the character: location and rotation keys at the scene's frame rate."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 
 import bpy
 import numpy as np
+from mathutils import Euler, Quaternion
 
 from .. import quaternions
 from ..errors import SceneError
@@ -14,10 +15,13 @@ from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
 from .armature import rest_rotations
+from .bones import clear_channel, leftovers
 from .names import REPORT_KEY
 
 #: Value of 'LINEAR' in a keyframe's `interpolation`; every frame is keyed, so nothing lies between.
 LINEAR = 1
+#: First and last frame of a scene that nobody has set.
+FACTORY_RANGE = (1, 250)
 LOCATION, ROTATION = "location", "rotation_quaternion"
 
 
@@ -73,9 +77,10 @@ def write_action(
     metres_per_unit: float = 1.0,
     report: dict | None = None,
 ) -> bpy.types.Action:
-    """Writes `motion` into a new action of `character` and lengthens the scene's frame range to hold it.
+    """Writes `motion` into a new action of `character` and has the scene's frame range end no earlier.
 
-    Earlier actions stay in the file: each keeps a fake user.
+    Earlier actions stay in the file: each keeps a fake user. What they moved of the skeleton's bones and this one does
+    not goes back to rest.
     """
     frames, channels = _sampled(context, character, names, motion, start_frame, metres_per_unit)
     _keep_previous(character)
@@ -87,6 +92,8 @@ def write_action(
     if report is not None:
         action[REPORT_KEY] = json.dumps(report)
     compat.assign_action(character, action, curves)
+    for bone, channel, _ in list(leftovers([character.pose.bones[bone] for bone in names])):
+        clear_channel(bone, channel)
     _show_frames(context.scene, frames)
     return action
 
@@ -101,9 +108,12 @@ def rewrite_action(
     start_frame: int,
     metres_per_unit: float = 1.0,
 ) -> None:
-    """Writes `motion` over the keys of an action that `write_action` has made. Raises SceneError for another one."""
+    """Writes `motion` over the keys of an action that `write_action` has made for this character.
+
+    Raises SceneError for another one.
+    """
     frames, channels = _sampled(context, character, names, motion, start_frame, metres_per_unit)
-    curves = {(curve.data_path, curve.array_index): curve for curve in compat.action_curves(action)}
+    curves = {(curve.data_path, curve.array_index): curve for curve in compat.action_curves(action, character)}
     there = [(curves.get((data_path(bone, channel), axis)), values) for (bone, channel, axis), values in channels]
     if any(curve is None for curve, _ in there):
         raise SceneError(f"{action.name} lacks channels of the character: synthesize the motion again.")
@@ -122,14 +132,48 @@ def _sampled(context, character, names: list[str], motion: Motion, start_frame: 
     frames = start_frame + np.arange(len(locations), dtype=np.float32)
     channels = [((names[0], LOCATION, axis), locations[:, axis]) for axis in range(3)]
     for joint, bone in enumerate(names):
-        channels += [((bone, ROTATION, axis), rotations[:, joint, axis]) for axis in range(4)]
+        channel, values = rotation_values(character.pose.bones[bone].rotation_mode, rotations[:, joint])
+        channels += [((bone, channel, axis), values[:, axis]) for axis in range(values.shape[1])]
     return frames, channels
 
 
+def rotation_values(rotation_mode: str, quaternions: np.ndarray) -> tuple[str, np.ndarray]:
+    """The channel that turns a bone of this mode, and its values (frames, axes) for quaternions (frames, 4)."""
+    if rotation_mode == "QUATERNION":
+        return ROTATION, quaternions
+    if rotation_mode == "AXIS_ANGLE":
+        length = np.linalg.norm(quaternions[:, 1:], axis=1, keepdims=True)
+        axes = np.where(length > 1e-9, quaternions[:, 1:] / np.maximum(length, 1e-9), (0.0, 1.0, 0.0))
+        return "rotation_axis_angle", np.hstack([2.0 * np.arctan2(length, quaternions[:, :1]), axes])
+    angles: list[Euler] = []
+    for quaternion in quaternions:
+        turn = Quaternion(quaternion)
+        # Of the angles that turn alike those that are nearest to the frame before.
+        angles.append(turn.to_euler(rotation_mode, angles[-1]) if angles else turn.to_euler(rotation_mode))
+    return "rotation_euler", np.array(angles, dtype=np.float64).reshape(-1, 3)
+
+
 def _show_frames(scene: bpy.types.Scene, frames: np.ndarray) -> None:
-    if len(frames):
-        scene.frame_start = min(scene.frame_start, int(frames[0]))
-        scene.frame_end = max(scene.frame_end, int(frames[-1]))
+    """Has the scene end no earlier than the motion; an end that an earlier take made is moved back too, as far as the
+    artist's own. Where the shot begins is the artist's alone."""
+    if not len(frames):
+        return
+    settings, last = scene.oncue, int(frames[-1])
+    if scene.frame_end != settings.fitted_end:
+        settings.shot_end = 0 if _is_nobodys_shot(scene, last) else scene.frame_end
+    end = max(settings.shot_end, last)
+    settings.fitted_end = end if end != settings.shot_end else -1
+    scene.frame_end = end
+
+
+def _is_nobodys_shot(scene: bpy.types.Scene, last: int) -> bool:
+    """Whether the frame range is as Blender begins with it, and nothing else in the scene is animated after `last`."""
+    if (scene.frame_start, scene.frame_end) != FACTORY_RANGE:
+        return False
+    others = [o.animation_data for o in scene.objects if o != scene.oncue.character and o.animation_data is not None]
+    return all(data.action is None or data.action.frame_range[1] <= last for data in others) and not any(
+        len(data.drivers) or len(data.nla_tracks) for data in others
+    )
 
 
 def data_path(bone: str, channel: str) -> str:

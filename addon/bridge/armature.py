@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from ..errors import SceneError
 from . import mannequin
 from .names import CHARACTER_KEY, oncue_collection
 
@@ -23,6 +24,8 @@ END_TAILS = {
     "LeftToe": (0.0, -0.07, 0.0),
     "RightToe": (0.0, -0.07, 0.0),
 }
+#: As many bones with a rigid part on each make a body.
+PARTS_OF_A_BODY = 4
 #: A joint that was moved further than this from the core's rest pose makes the armature another skeleton, metres.
 REST_TOLERANCE = 1e-4
 
@@ -40,12 +43,39 @@ def rest_positions(skeleton: dict) -> np.ndarray:
 def find_character(scene: bpy.types.Scene, skeleton: dict) -> bpy.types.Object | None:
     """The armature to reuse: the one the scene names, else the first of the scene that Oncue made.
 
-    An armature whose joints were renamed or moved is passed over: keys for it would bend it wrongly.
+    An armature whose joints were renamed or moved is passed over: keys for it would bend it wrongly. So is one that is
+    linked or that no view layer has, unless the scene names it.
     """
     chosen = scene.oncue.character if hasattr(scene, "oncue") else None
     candidates = [chosen] if chosen else []
-    candidates += [o for o in scene.objects if o.get(CHARACTER_KEY) and o.type == "ARMATURE"]
-    return next((o for o in candidates if o.name in scene.objects and _fits(o, skeleton)), None)
+    shown = {thing for layer in scene.view_layers for thing in layer.objects}
+    candidates += [
+        thing
+        for thing in scene.objects
+        if thing.get(CHARACTER_KEY) and thing.type == "ARMATURE" and thing.is_editable and thing in shown
+    ]
+    return next((o for o in candidates if _is_in(scene, o) and misfit(o, skeleton) is None), None)
+
+
+def character_of(scene: bpy.types.Scene, skeleton: dict) -> bpy.types.Object | None:
+    """The armature that a run is to move, or None where one is to be made.
+
+    Raises SceneError where the artist chose one of another skeleton: it is not passed over in silence.
+    """
+    chosen = scene.oncue.character
+    if chosen is not None and _is_in(scene, chosen):
+        said = misfit(chosen, skeleton)
+        if said:
+            raise SceneError(
+                f"{chosen.name} {said}, so a motion would bend it wrongly: clear the Character field in Oncue's "
+                "settings, and a character is made."
+            )
+    return find_character(scene, skeleton)
+
+
+def _is_in(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:
+    # By identity: a linked object may have another's name.
+    return scene.objects.get(thing.name) == thing
 
 
 def make_character(context: bpy.types.Context, skeleton: dict, metres_per_unit: float = 1.0) -> bpy.types.Object:
@@ -62,14 +92,51 @@ def make_character(context: bpy.types.Context, skeleton: dict, metres_per_unit: 
         _add_bones(data, skeleton, positions)
     for bone in character.pose.bones:
         bone.rotation_mode = "QUATERNION"
-    body = mannequin.make(skeleton, positions)
-    body[CHARACTER_KEY] = True
-    oncue_collection(context).objects.link(body)
-    body.parent = character
-    modifier = body.modifiers.new("Armature", "ARMATURE")
-    modifier.object = character
+    give_skin(context, character, skeleton)
     context.view_layer.update()
     return character
+
+
+def give_skin(context: bpy.types.Context, character: bpy.types.Object, skeleton: dict) -> None:
+    """Binds a mannequin to a character that nothing is bound to: one whose armature was deleted, else a new one."""
+    if _has_skin(character):
+        return
+    body = next((thing for thing in context.scene.objects if _is_abandoned_skin(thing, skeleton)), None)
+    if body is None:
+        body = mannequin.make(skeleton, rest_positions(skeleton))
+        body[CHARACTER_KEY] = True
+        oncue_collection(context).objects.link(body)
+    body.parent = character
+    body.matrix_parent_inverse.identity()
+    body.matrix_basis.identity()
+    modifiers = [modifier for modifier in body.modifiers if modifier.type == "ARMATURE"]
+    (modifiers or [body.modifiers.new("Armature", "ARMATURE")])[0].object = character
+    context.view_layer.update()
+
+
+def _has_skin(character: bpy.types.Object) -> bool:
+    """Whether a mesh is deformed by the character, or a body of rigid parts hangs on its bones. A cup in the hand is no
+    skin."""
+    meshes = [thing for thing in bpy.data.objects if thing.type == "MESH" and thing.users_scene]
+    deformed = any(
+        character in _deforming(mesh) or (mesh.parent == character and mesh.parent_type == "ARMATURE")
+        for mesh in meshes
+    )
+    parts = {mesh.parent_bone for mesh in meshes if mesh.parent == character and mesh.parent_type == "BONE"}
+    return deformed or len(parts) >= PARTS_OF_A_BODY
+
+
+def _deforming(mesh: bpy.types.Object) -> list[bpy.types.Object | None]:
+    """The armatures of a mesh's modifiers; None for one that was deleted."""
+    return [modifier.object for modifier in mesh.modifiers if modifier.type == "ARMATURE"]
+
+
+def _is_abandoned_skin(thing: bpy.types.Object, skeleton: dict) -> bool:
+    """Whether a mesh is a mannequin whose armature was deleted."""
+    if thing.type != "MESH" or thing.get(CHARACTER_KEY) is None or not thing.is_editable or thing.parent is not None:
+        return False
+    armatures = _deforming(thing)
+    return bool(armatures) and not any(armatures) and all(name in thing.vertex_groups for name in skeleton["names"])
 
 
 def rest_rotations(character: bpy.types.Object, names: list[str]) -> np.ndarray:
@@ -77,15 +144,21 @@ def rest_rotations(character: bpy.types.Object, names: list[str]) -> np.ndarray:
     return np.array([np.array(character.data.bones[name].matrix_local.to_3x3()) for name in names], dtype=np.float64)
 
 
-def _fits(character: bpy.types.Object, skeleton: dict) -> bool:
+def misfit(character: bpy.types.Object, skeleton: dict) -> str | None:
+    """What keeps an object from being the skeleton's: the rest of a sentence that begins with its name, or None."""
     if character.type != "ARMATURE":
-        return False
-    bones = character.data.bones
-    for name, expected in zip(skeleton["names"], rest_positions(skeleton), strict=True):
-        bone = bones.get(name)
-        if bone is None or (Vector(expected) - bone.head_local).length > REST_TOLERANCE:
-            return False
-    return True
+        return "is no armature"
+    names, bones = list(skeleton["names"]), character.data.bones
+    for joint, expected in enumerate(rest_positions(skeleton)):
+        bone, parent = bones.get(names[joint]), skeleton["parents"][joint]
+        if bone is None:
+            return f"has no bone {names[joint]}"
+        away = (Vector(expected) - bone.head_local).length
+        if away > REST_TOLERANCE:
+            return f"has its bone {bone.name} {100 * away:.1f} cm from where the motion's skeleton has it"
+        if parent is not None and parent >= 0 and (bone.parent is None or bone.parent.name != names[parent]):
+            return f"has its bone {bone.name} not under {names[parent]}"
+    return None
 
 
 def _add_bones(data: bpy.types.Armature, skeleton: dict, positions: np.ndarray) -> None:

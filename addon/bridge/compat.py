@@ -63,13 +63,59 @@ def replace_action(owner: bpy.types.Object, action: bpy.types.Action) -> None:
         data.action_slot = next((s for s in action.slots if s.identifier == slot), action.slots[0])
 
 
-def action_curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
-    """Every F-curve of an action, whichever slot it belongs to."""
+def played_slot(owner: bpy.types.Object, action: bpy.types.Action):
+    """The slot through which an action moves `owner`, or would: its own, its namesake's, or the only one for objects.
+
+    A renamed object plays nothing of an action that is chosen anew, for whose slot has the old name. None without any.
+    """
+    data = owner.animation_data
+    if data is not None and data.action == action and data.action_slot is not None:
+        return data.action_slot
+    fitting = [slot for slot in action.slots if slot.target_id_type in {"OBJECT", "UNSPECIFIED"}]
+    namesakes = [slot for slot in fitting if slot.name_display == owner.name]
+    chosen = namesakes or fitting
+    return chosen[0] if len(chosen) == 1 else None
+
+
+def play_slot(owner: bpy.types.Object) -> None:
+    """Has `owner` play its action where it has one, but no slot of it."""
+    data = owner.animation_data
+    if SLOTTED_ACTIONS and data is not None and data.action is not None and data.action_slot is None:
+        slot = played_slot(owner, data.action)
+        if slot is not None:
+            data.action_slot = slot
+
+
+def action_curves(action: bpy.types.Action, owner: bpy.types.Object | None = None) -> list[bpy.types.FCurve]:
+    """The F-curves of an action that move `owner`; without one all of them, whichever slot they belong to."""
+    return [curve for holder in _holders(action, owner) for curve in holder.fcurves]
+
+
+def remove_curve(action: bpy.types.Action, owner: bpy.types.Object, curve: bpy.types.FCurve) -> None:
+    """Takes an F-curve that moves `owner` out of an action."""
+    for holder in _holders(action, owner):
+        if any(other == curve for other in holder.fcurves):
+            holder.fcurves.remove(curve)
+            return
+
+
+def _holders(action: bpy.types.Action, owner: bpy.types.Object | None) -> list:
+    """What holds the F-curves of `owner`, or all: the channelbags, before there were slots the action itself."""
     if not SLOTTED_ACTIONS:
-        return list(action.fcurves)
+        return [action]
+    slot = played_slot(owner, action) if owner is not None else None
     return [
-        curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves
+        bag
+        for layer in action.layers
+        for strip in layer.strips
+        for bag in strip.channelbags
+        if owner is None or (slot is not None and bag.slot_handle == slot.handle)
     ]
+
+
+def data_paths(action: bpy.types.Action) -> set[str]:
+    """What the F-curves of an action move, of all its slots."""
+    return {curve.data_path for curve in action_curves(action)}
 
 
 def is_selected(bone: bpy.types.PoseBone) -> bool:

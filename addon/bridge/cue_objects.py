@@ -12,7 +12,9 @@ import bmesh
 from mathutils import Matrix, Vector
 
 from ..errors import SceneError
-from .names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY, oncue_collection
+from . import compat
+from .names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, GIVEN_YAW_KEY, LAST_FRAME_KEY, oncue_collection
+from .what_counts import things_of
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
 KINDS = {
@@ -25,6 +27,8 @@ KINDS = {
     "right_hand": ("Right Hand", "SPHERE", 0.03, (0.75, 0.45, 0.95, 1.0)),
     "both_hands": ("Both Hands", "SPHERE", 0.03, (0.20, 0.80, 0.80, 1.0)),
 }
+#: A start within this of the yaw that it was given was not turned, radians.
+UNTURNED = 1e-3
 #: The pelvis joint of a seated person over the seat, metres.
 PELVIS_OVER_SEAT = 0.10
 
@@ -77,9 +81,11 @@ def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metre
     """Moves the visible cue of this kind there (a sit and a stop take each other's place), or makes one; selects it."""
     group = ("start",) if kind == "start" else ("sit", "stop")
     label, shape, size, color = KINDS[kind]
-    there = [o for o in context.view_layer.objects if o.get(CUE_KEY) in group and o.visible_get()]
+    there = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) in group and o.visible_get()]
     if there:
         cue = there[0]
+        if not cue.is_editable:
+            raise SceneError(f"{cue.name} is linked and cannot be moved: hide it, and press again.")
         if cue[CUE_KEY] != kind:
             cue[CUE_KEY], cue.color = kind, color
             cue.empty_display_type, cue.empty_display_size = shape, size / metres_per_unit
@@ -88,14 +94,32 @@ def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metre
         cue.matrix_world = Matrix.Translation(position) @ Matrix.Rotation(yaw, 4, "Z")
     else:
         cue = make_cue(context, kind, position, yaw, metres_per_unit=metres_per_unit)
+    if kind == "start":
+        cue[GIVEN_YAW_KEY] = yaw
+    else:
+        context.view_layer.update()
+        _turn_start(context)
     _select(context, cue)
     return cue
+
+
+def _turn_start(context: bpy.types.Context) -> None:
+    """Turns the start towards the end cue, unless somebody has turned it."""
+    for start in things_of(context.view_layer):
+        if start.get(CUE_KEY) != "start" or not start.visible_get() or not start.is_editable:
+            continue
+        forward = forward_of(start.matrix_world)
+        given, now = start.get(GIVEN_YAW_KEY), yaw_from_heading(math.atan2(forward.y, forward.x))
+        if isinstance(given, float) and abs(math.remainder(now - given, math.tau)) < UNTURNED:
+            place = start.matrix_world.translation
+            start[GIVEN_YAW_KEY] = yaw = facing_on_the_way(context, "start", place)
+            start.matrix_world = Matrix.Translation(place) @ Matrix.Rotation(yaw, 4, "Z")
 
 
 def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) -> bpy.types.Object:
     """A foot cue in front of the visible sit or stop cue, on the start's floor. Raises SceneError without a cue."""
     kind = f"{side}_foot"
-    ends = [o for o in context.view_layer.objects if o.get(CUE_KEY) in ("sit", "stop") and o.visible_get()]
+    ends = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) in ("sit", "stop") and o.visible_get()]
     if not ends:
         raise SceneError("Place a Sit or Stop cue first: the feet belong to it.")
     cue, unit = ends[0], 1.0 / metres_per_unit
@@ -107,7 +131,7 @@ def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) ->
     left = Vector((-forward.y, forward.x, 0.0))
     ahead, aside = (0.42 if cue[CUE_KEY] == "sit" else 0.0), (0.10 if side == "left" else -0.10)
     place = cue.matrix_world.translation + (forward * ahead + left * aside) * unit
-    starts = [o for o in context.view_layer.objects if o.get(CUE_KEY) == "start"]
+    starts = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) == "start" and o.visible_get()]
     if starts:
         place.z = starts[0].matrix_world.translation.z
     elif cue[CUE_KEY] == "sit":
@@ -157,11 +181,14 @@ def _hold(context: bpy.types.Context) -> tuple[bpy.types.Object | None, Vector, 
 
 
 def animated_range(thing: bpy.types.Object | None) -> tuple[int, int] | None:
-    """The frames over which an object, or the nearest of its parents that is animated, has keys."""
+    """The frames over which an object, or the nearest of its parents that is animated, has keys that move it."""
     while thing is not None:
         action = thing.animation_data.action if thing.animation_data else None
-        if action is not None and action.frame_range[1] > action.frame_range[0]:
-            return int(action.frame_range[0]), int(action.frame_range[1])
+        if action is not None:
+            ranges = [curve.range() for curve in compat.action_curves(action, thing) if len(curve.keyframe_points)]
+            first, last = min((r[0] for r in ranges), default=0.0), max((r[1] for r in ranges), default=0.0)
+            if last > first:
+                return int(first), int(last)
         thing = thing.parent
     return None
 
@@ -169,7 +196,7 @@ def animated_range(thing: bpy.types.Object | None) -> tuple[int, int] | None:
 def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector) -> float:
     """A first guess of a standing cue's yaw: a start looks towards the end cue, a stop away from the start."""
     others = ("sit", "stop") if kind == "start" else ("start",)
-    for other in context.view_layer.objects:
+    for other in things_of(context.view_layer):
         if other.get(CUE_KEY) in others and other.visible_get():
             way = other.matrix_world.translation - Vector(place)
             if way.xy.length > 1e-3:
@@ -181,6 +208,6 @@ def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector) -> f
 def _select(context: bpy.types.Context, cue: bpy.types.Object) -> None:
     if context.mode != "OBJECT":
         return
-    for other in context.view_layer.objects:
+    for other in things_of(context.view_layer):
         other.select_set(other == cue)
     context.view_layer.objects.active = cue

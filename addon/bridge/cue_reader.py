@@ -10,6 +10,8 @@ import bpy
 from ..errors import SceneError
 from .cue_objects import forward_of
 from .names import CUE_KEY
+from .scene_time import current_frame_kept, may_move, moving
+from .what_counts import is_shown, things_of
 
 ENDS = ("sit", "stop")
 FEET = ("left_foot", "right_foot")
@@ -21,17 +23,16 @@ STEEPEST = math.sin(math.radians(80.0))
 def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Object]:
     """The empties of these kinds that the viewport shows, by name. Hidden cues wait for another take."""
     return sorted(
-        (
-            o
-            for o in context.view_layer.objects
-            if o.get(CUE_KEY) in kinds and not o.hide_viewport and not o.hide_get(view_layer=context.view_layer)
-        ),
+        (o for o in things_of(context.view_layer) if o.get(CUE_KEY) in kinds and is_shown(o, context.view_layer)),
         key=lambda o: o.name,
     )
 
 
-def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0) -> dict:
-    """The task as the core takes it: metres, radians. Raises SceneError naming the cue that is missing or too many."""
+def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_drawn: bool = False) -> dict:
+    """The task as the core takes it: metres, radians. Raises SceneError naming the cue that is missing or too many.
+
+    `as_drawn`: as the view shows it now, without evaluating anything.
+    """
     start = _only_one(
         visible_cues(context, "start"),
         "There is no Start cue: place one where the character begins (Oncue tab, Start).",
@@ -42,7 +43,7 @@ def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0) -> dict:
         "There is no Sit or Stop cue: place one where the character is to end (Oncue tab, Sit or Stop).",
         "There are {count} Sit and Stop cues ({names}): a run fulfils one, so hide or delete the others.",
     )
-    depsgraph = context.evaluated_depsgraph_get()
+    depsgraph = None if as_drawn else context.evaluated_depsgraph_get()
     feet = [_foot(context, depsgraph, kind, cue, metres_per_unit) for kind in FEET]
     return {
         "start": {"name": start.name, **_placement(start, depsgraph, metres_per_unit)},
@@ -53,6 +54,27 @@ def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0) -> dict:
             "feet": feet,
         },
     }
+
+
+def at_first_frame(
+    context: bpy.types.Context, task: dict, first_frame: int, metres_per_unit: float = 1.0
+) -> tuple[dict, list[tuple[str, str]]]:
+    """A task that was just read, with its cues as they stand at `first_frame` where some move by themselves; and (cue,
+    sentence) of each of these.
+
+    Where the playhead stands then makes no difference. It may go through the frames.
+    """
+    animated = [cue for cue in visible_cues(context, "start", *ENDS, *FEET) if may_move(cue)]
+    moved = moving(context, animated, first_frame) if animated else []
+    if not moved:
+        return task, []
+    scene = context.scene
+    if (scene.frame_current, scene.frame_subframe) != (first_frame, 0.0):
+        with current_frame_kept(scene):
+            scene.frame_set(first_frame)
+            task = read_task(context, metres_per_unit)
+    said = "{} is animated: it was read as it stands at frame {}, where the motion begins."
+    return task, [(cue.name, said.format(cue.name, first_frame)) for cue in moved]
 
 
 def _only_one(cues: list[bpy.types.Object], none: str, many: str) -> bpy.types.Object:
@@ -76,7 +98,7 @@ def _foot(context, depsgraph, kind: str, cue: bpy.types.Object, metres_per_unit:
 
 
 def _placement(cue: bpy.types.Object, depsgraph, metres_per_unit: float) -> dict:
-    forward = forward_of(cue.evaluated_get(depsgraph).matrix_world)
+    forward = forward_of(_matrix(cue, depsgraph))
     if not forward.length > 0.5 or abs(forward.z) > STEEPEST:
         raise SceneError(
             f"{cue.name} faces straight up or down, or has no size: turn it so that its -Y axis lies level."
@@ -87,8 +109,12 @@ def _placement(cue: bpy.types.Object, depsgraph, metres_per_unit: float) -> dict
     }
 
 
+def _matrix(cue: bpy.types.Object, depsgraph):
+    return (cue.evaluated_get(depsgraph) if depsgraph is not None else cue).matrix_world
+
+
 def _position(cue: bpy.types.Object, depsgraph, metres_per_unit: float) -> list[float]:
-    position = [c * metres_per_unit for c in cue.evaluated_get(depsgraph).matrix_world.translation]
+    position = [c * metres_per_unit for c in _matrix(cue, depsgraph).translation]
     if not all(math.isfinite(c) for c in position):
         raise SceneError(f"{cue.name} stands at a place that is not a number: reset its location.")
     return position

@@ -11,18 +11,16 @@ hangs on, the vertex that it is parented to.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import bpy
 import numpy as np
 
 from ..errors import SceneError
+from ..scene_frames import CORE_RATE
 from .cue_reader import HANDS, visible_cues
 from .names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
+from .scene_time import current_frame_kept, frame_rate
 
-#: The core's frames a second.
-CORE_RATE = 30.0
 #: Kind of the cue → the hand that follows it.
 HAND = {"left_hand": "left", "right_hand": "right", "both_hands": "both"}
 #: Longer ranges are a slip of the keyboard, seconds.
@@ -62,10 +60,6 @@ def read_manipulations(context: bpy.types.Context, start_frame: int, metres_per_
     return manipulations
 
 
-def frame_rate(scene: bpy.types.Scene) -> float:
-    return scene.render.fps / scene.render.fps_base
-
-
 def core_frames(scene: bpy.types.Scene, cue: bpy.types.Object, start_frame: int) -> range:
     """The frames of the core that a hand cue's range needs: between them lies every frame of the range.
 
@@ -86,16 +80,6 @@ def core_frames(scene: bpy.types.Scene, cue: bpy.types.Object, start_frame: int)
         raise SceneError(f"{cue.name} lasts {(last - first) / rate:.0f} s, more than {LONGEST:.0f}: shorten its range.")
     from_core, to_core = ((frame - start_frame) * CORE_RATE / rate for frame in (first, last))
     return range(math.floor(from_core + 1e-6), math.ceil(to_core - 1e-6) + 1)
-
-
-@contextmanager
-def current_frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
-    """Afterwards the scene stands at the frame at which it stood before."""
-    frame, subframe = scene.frame_current, scene.frame_subframe
-    try:
-        yield
-    finally:
-        scene.frame_set(frame, subframe=subframe)
 
 
 def _show(scene: bpy.types.Scene, frame: float) -> None:

@@ -17,11 +17,15 @@ from .. import native
 from ..errors import FollowingEnded, SceneError
 from ..motion import Motion
 from ..pipeline import Outcome, Request
-from . import compat
-from .action_writer import rewrite_action
+from . import compat, file_state
+from .action_writer import LOCATION, data_path, rewrite_action, rotation_values
+from .bones import clear_channel, leftovers
 from .names import LIVE_KEY, PINS_KEY, REPORT_KEY, SOLVED_KEY
 from .session import current_action, full_report, report_of
-from .take import Solved, Take, keep_solved, solved_take
+from .take import OBJECT_CHANNELS, Solved, Take, keep_solved, solved_take
+
+#: One posture of a bone.
+IDLE = np.array([[1.0, 0.0, 0.0, 0.0]])
 
 
 class LiveTake:
@@ -35,6 +39,9 @@ class LiveTake:
         if report is None:
             raise SceneError("There is no motion to begin with: press Synthesize first.")
         # What an earlier following left, and nobody has changed, is gone on with.
+        file_state.check(context, scene.oncue.character, native.core.skeleton())
+        file_state.check_over_time(context, scene.oncue.character)
+        compat.play_slot(scene.oncue.character)
         action = played if LIVE_KEY in played and _is_untouched(scene, played) else _copy(scene, played, report)
         self._token = action[LIVE_KEY] = secrets.token_hex(8)
         self._keys = _coordinates(action)
@@ -68,7 +75,8 @@ class LiveTake:
         motion = Motion(
             np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate)
         )
-        placed = {"start_frame": settings.start_frame, "metres_per_unit": settings.scene_scale}
+        file_state.check_character(context, character, native.core.skeleton())
+        placed = {"start_frame": request.start_frame, "metres_per_unit": settings.scene_scale}
         rewrite_action(context, character, action, names, motion, **placed)
         if character.animation_data.action != action:  # a full run came between
             _play(character, action)
@@ -96,7 +104,27 @@ def _copy(scene: bpy.types.Scene, played: bpy.types.Action, report: dict) -> bpy
     action.pop(PINS_KEY, None)
     action.use_fake_user = True
     _play(scene.oncue.character, action)
+    _play_keys_alone(scene.oncue.character, action)
     return action
+
+
+def _play_keys_alone(character: bpy.types.Object, action: bpy.types.Action) -> None:
+    """Has the skeleton's curves play the keys that will be written into them, and nothing else move its bones."""
+    names = list(native.core.skeleton()["names"])
+    own = {data_path(names[0], LOCATION)}
+    own |= {data_path(name, rotation_values(character.pose.bones[name].rotation_mode, IDLE)[0]) for name in names}
+    bones = tuple(data_path(name, "") for name in names)
+    for curve in compat.action_curves(action, character):
+        if curve.data_path in own:
+            curve.mute = curve.lock = False
+            if curve.group is not None:
+                curve.group.mute = curve.group.lock = False
+            for modifier in list(curve.modifiers):
+                curve.modifiers.remove(modifier)
+        elif curve.data_path.startswith((*bones, *OBJECT_CHANNELS)):
+            compat.remove_curve(action, character, curve)
+    for bone, channel, _ in list(leftovers([character.pose.bones[name] for name in names])):
+        clear_channel(bone, channel)
 
 
 def _play(character: bpy.types.Object, action: bpy.types.Action) -> None:

@@ -9,6 +9,8 @@ import bpy
 CUE_KEY = "oncue_cue"
 #: On a hand cue: the frames of the scene between which the hand follows it, first and last.
 FIRST_FRAME_KEY, LAST_FRAME_KEY = "oncue_first_frame", "oncue_last_frame"
+#: On a start cue: the yaw that its button gave it, radians; one that the artist has turned since stays as it is.
+GIVEN_YAW_KEY = "oncue_given_yaw"
 #: On the armature and the meshes of the character: they are no part of the scene.
 CHARACTER_KEY = "oncue_character"
 #: On any object that the character may walk through.
@@ -27,7 +29,11 @@ def oncue_collection(context: bpy.types.Context) -> bpy.types.Collection:
     """The scene's collection for cues and character, made when it is missing and never a hidden one."""
     scene = context.scene
     for collection in scene.collection.children:
-        if collection.name.split(".")[0] == COLLECTION_NAME and _usable(context.view_layer, collection):
+        if (
+            collection.name.split(".")[0] == COLLECTION_NAME
+            and collection.is_editable
+            and _usable(context.view_layer, collection)
+        ):
             return collection
     collection = bpy.data.collections.new(COLLECTION_NAME)
     scene.collection.children.link(collection)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import asdict, dataclass
 
 import bpy
@@ -48,9 +49,22 @@ def read_pins(action: bpy.types.Action | None) -> list[Pin]:
     try:
         entries = json.loads(text) if text else []
         pins = [Pin(**entry) for entry in entries]
+        if not all(map(_is_sound, pins)):
+            return []
+        return sorted(pins, key=lambda pin: (pin.first_frame, pin.last_frame, pin.bone))
     except (TypeError, ValueError):
         return []
-    return sorted(pins, key=lambda pin: (pin.first_frame, pin.last_frame, pin.bone))
+
+
+def _is_sound(pin: Pin) -> bool:
+    """Whether a pin that was read from a file is one."""
+    numbers = [(pin.position, 3), (pin.rotation, 4)]
+    return (
+        isinstance(pin.bone, str)
+        and isinstance(pin.first_frame, int)
+        and isinstance(pin.last_frame, int)
+        and all(held is None or (len(held) == size and all(map(math.isfinite, held))) for held, size in numbers)
+    )
 
 
 def write_pins(action: bpy.types.Action, pins: list[Pin]) -> None:
@@ -68,16 +82,19 @@ def pin_bones(
     *,
     position: bool,
     rotation: bool,
+    within: tuple[int, int] | None = None,
 ) -> list[Pin]:
     """Pins the character's selected bones as they stand at the current frame, over the range; gives the new pins.
+
+    `within`: first and last frame of the motion, which the artist's own keys may pass; else those of the action.
 
     A pin of the same bone over the same frames gives way. Raises SceneError where nothing is selected, the range lies
     outside the action, or the character has no action.
     """
-    action = action_of(character)
+    action = editable_action_of(character)
     if last_frame < first_frame:
         raise SceneError(f"The pin would end at frame {last_frame}, before it begins at {first_frame}: swap them.")
-    begin, end = (int(frame) for frame in action.frame_range)
+    begin, end = within or (int(frame) for frame in action.frame_range)
     if first_frame < begin or last_frame > end:
         raise SceneError(
             f"Frames {first_frame} to {last_frame} are not within the motion's, {begin} to {end}: choose others."
@@ -111,10 +128,15 @@ def pin_bones(
 
 def remove_pin(character: bpy.types.Object, index: int) -> None:
     """Takes one pin out, by its place in `read_pins`."""
-    action = action_of(character)
+    action = editable_action_of(character)
     pins = read_pins(action)
     if 0 <= index < len(pins):
         write_pins(action, pins[:index] + pins[index + 1 :])
+
+
+def remove_pins(character: bpy.types.Object) -> None:
+    """Takes all pins and kept keys out."""
+    write_pins(editable_action_of(character), [])
 
 
 def action_of(character: bpy.types.Object | None) -> bpy.types.Action:
@@ -123,3 +145,11 @@ def action_of(character: bpy.types.Object | None) -> bpy.types.Action:
     if not data or not data.action:
         raise SceneError("The character has no motion yet: press Synthesize first.")
     return data.action
+
+
+def editable_action_of(character: bpy.types.Object | None) -> bpy.types.Action:
+    """`action_of`, to be changed. Raises SceneError where it is linked, since a change would be lost with the file."""
+    action = action_of(character)
+    if not action.is_editable:
+        raise SceneError(f"{action.name} is linked and cannot be changed: make it local first (Object, Relations).")
+    return action

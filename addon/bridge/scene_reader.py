@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The evaluated meshes of the scene → one array of world triangles, for the core's scene index.
 
-Modifiers, instances (collections, geometry nodes) and world transforms are in; the character, the cues, what is
-hidden in the viewport, shown as wire or bounds, or excluded, is left out.
+Modifiers, instances (collections, geometry nodes) and world transforms are in, and a mesh in edit mode as it is edited;
+the persons and what belongs to them, the cues, what the view hides, shown as wire or bounds, or excluded, is left out.
 """
 
 from __future__ import annotations
@@ -13,10 +13,14 @@ import bpy
 import numpy as np
 
 from ..errors import ScaleError, SceneError
-from .names import CHARACTER_KEY, CUE_KEY, EXCLUDE_KEY
+from .cue_reader import ENDS, visible_cues
+from .edit_mode import copies_outside
+from .what_counts import Furniture
 
 #: A scene wider than this is hardly modelled in metres.
 WIDEST_ROOM = 60.0
+#: Half of a scene's objects are no longer than this where it is modelled in metres, and nobody walks less, metres.
+LARGEST_FURNITURE, SHORTEST_WAY = 10.0, 0.5
 #: Single precision has centimetres left up to here, metres.
 FARTHEST = 1e5
 #: Larger meshes are not tried for having no area, triangles; the core leaves out single ones that have none.
@@ -33,6 +37,8 @@ class SceneMeshes:
     triangles: np.ndarray
     #: How many objects and instances were read.
     object_count: int = 0
+    #: The longest side of each, metres.
+    sizes: list[float] = field(default_factory=list)
     #: (object, reason) of each mesh that could not be used.
     skipped: list[tuple[str, str]] = field(default_factory=list)
 
@@ -49,9 +55,23 @@ def read_scene(
     Raises SceneError when nothing can be collided with, and, unless the scale is confirmed, ScaleError when the
     scene's size says that it was not modelled in metres.
     """
-    left_out = set(exclude.all_objects) if exclude else set()
+    with copies_outside(context) as copies:
+        meshes = _read_meshes(context, Furniture(context, exclude), copies, metres_per_unit)
+    if not scale_confirmed:
+        _check_scale(context, meshes)
+    return meshes
+
+
+def _read_meshes(
+    context: bpy.types.Context,
+    furniture: Furniture,
+    copies: dict[bpy.types.Object, bpy.types.Object],
+    metres_per_unit: float,
+) -> SceneMeshes:
+    """`copies`: what is read in place of an object, and counts as the object does."""
+    replaced = set(copies.values())
     depsgraph = context.evaluated_depsgraph_get()
-    positions, triangles, skipped = [], [], []
+    positions, triangles, sizes, skipped = [], [], [], []
     vertex_count, object_count = 0, 0
     meshes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -60,13 +80,16 @@ def read_scene(
         if evaluated.type != "MESH" or not instance.show_self:
             continue
         owners = _owners(instance)
-        if any(_is_left_out(owner, left_out) for owner in owners):
+        if not replaced.isdisjoint(owners):
+            continue
+        owners = [copies.get(owner, owner) for owner in owners]
+        if not furniture.counts(owners):
             continue
         name = owners[0].name
         mesh = evaluated.data
         key = mesh.as_pointer()
         if key not in meshes:
-            meshes[key] = _read_mesh(mesh)
+            meshes[key] = _read_edited(evaluated) if mesh.is_editmode else _read_mesh(mesh)
         local, corners = meshes[key]
         if not len(corners):
             continue
@@ -83,6 +106,7 @@ def read_scene(
         positions.append(world)
         triangles.append(corners + np.uint32(vertex_count))
         vertex_count += len(world)
+        sizes.append(float(np.ptp(world, axis=0).max()))
         object_count += 1
 
     if not triangles:
@@ -91,10 +115,7 @@ def read_scene(
             "The scene has no visible mesh to walk on or sit on. "
             "Add a floor and furniture, or show what is hidden or excluded." + broken
         )
-    scene_meshes = SceneMeshes(np.concatenate(positions), np.concatenate(triangles), object_count, skipped)
-    if not scale_confirmed:
-        _check_scale(context.scene, scene_meshes)
-    return scene_meshes
+    return SceneMeshes(np.concatenate(positions), np.concatenate(triangles), object_count, sizes, skipped)
 
 
 def _fault(world: np.ndarray, corners: np.ndarray) -> str | None:
@@ -118,15 +139,30 @@ def suggested_scale(extent: float, unit_length: float) -> float | None:
     return 0.01 if extent * 0.01 <= WIDEST_ROOM else 0.001
 
 
-def _check_scale(scene: bpy.types.Scene, meshes: SceneMeshes) -> None:
+def _check_scale(context: bpy.types.Context, meshes: SceneMeshes) -> None:
+    """Raises ScaleError where the furniture and the way between the cues say that the units are no metres.
+
+    The widest object alone says nothing: a ground or a sky is as wide as it likes.
+    """
     extent = float((meshes.positions.max(axis=0) - meshes.positions.min(axis=0)).max())
-    scale = suggested_scale(extent, scene.unit_settings.scale_length)
-    if scale is not None:
+    scale = suggested_scale(extent, context.scene.unit_settings.scale_length)
+    if scale is None or float(np.median(meshes.sizes)) <= LARGEST_FURNITURE:
+        return
+    way = _way(context)
+    if way is None or way * scale >= SHORTEST_WAY:
         word = {0.01: "centimetres", 0.001: "millimetres"}.get(round(scale, 6), "other units")
         raise ScaleError(
             f"The scene is {extent:.0f} units wide: it seems to be modelled in {word}. Set Scene Scale to {scale:g} "
             f"metres per unit (or to 1 if it really is that large) and run again."
         )
+
+
+def _way(context: bpy.types.Context) -> float | None:
+    """How far the end cue lies from the start, scene units, or None while one of them is missing."""
+    starts, ends = visible_cues(context, "start"), visible_cues(context, *ENDS)
+    if not starts or not ends:
+        return None
+    return (starts[0].matrix_world.translation - ends[0].matrix_world.translation).length
 
 
 def _owners(instance: bpy.types.DepsgraphObjectInstance) -> list[bpy.types.Object]:
@@ -137,14 +173,12 @@ def _owners(instance: bpy.types.DepsgraphObjectInstance) -> list[bpy.types.Objec
     return owners
 
 
-def _is_left_out(owner: bpy.types.Object, left_out: set[bpy.types.Object]) -> bool:
-    return (
-        owner in left_out
-        or owner.get(CHARACTER_KEY) is not None
-        or owner.get(CUE_KEY) is not None
-        or bool(owner.get(EXCLUDE_KEY))
-        or owner.display_type in {"WIRE", "BOUNDS"}
-    )
+def _read_edited(evaluated: bpy.types.Object) -> tuple[np.ndarray, np.ndarray]:
+    """`_read_mesh` of an object in edit mode, whose evaluated mesh has no vertices or attributes until it is copied."""
+    try:
+        return _read_mesh(evaluated.to_mesh())
+    finally:
+        evaluated.to_mesh_clear()
 
 
 def _read_mesh(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:

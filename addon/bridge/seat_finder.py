@@ -13,10 +13,13 @@ from mathutils import Vector
 
 from ..errors import SceneError
 from .cue_objects import PELVIS_OVER_SEAT, yaw_from_heading
-from .names import CHARACTER_KEY
+from .edit_mode import copies_outside
+from .what_counts import Furniture, furniture_on_ray
 
 #: Seats lie between these heights over the object's foot, metres.
 SEAT_HEIGHTS = (0.25, 0.85)
+#: How far modifiers may raise or lower a seat, metres.
+MODIFIED = 0.3
 #: Directions that are tried for the facing, and how far is looked, metres.
 DIRECTIONS, REACH = 24, 1.5
 #: Heights over the seat at which a back, an arm or a wall would be met, metres.
@@ -36,8 +39,13 @@ def seat_of_selection(context: bpy.types.Context, metres_per_unit: float = 1.0) 
     chair = context.active_object
     if chair is None or chair.type != "MESH" or not (chair.select_get() or context.mode == "EDIT_MESH"):
         raise SceneError("Select the chair, or its seat's face in edit mode, and press again.")
+    if Furniture(context).is_of_person(chair):
+        raise SceneError(f"{chair.name} belongs to a character: select what it is to sit on, and press again.")
     if context.mode == "EDIT_MESH":
         center, edge = _selected_faces(chair)
+        with copies_outside(context) as copies:
+            shown = next((copy for copy, thing in copies.items() if thing == chair), chair)
+            center = _as_modified(context, shown, center, metres_per_unit)
     else:
         center, edge = _flattest_part(context, chair, metres_per_unit)
     heading = _facing(context, center, edge, metres_per_unit)
@@ -48,17 +56,8 @@ def seat_of_selection(context: bpy.types.Context, metres_per_unit: float = 1.0) 
 def surface_below(context: bpy.types.Context, place: Vector, metres_per_unit: float = 1.0) -> Vector:
     """The surface that a plumb line from just over `place` meets, or `place` itself where there is none."""
     unit = 1.0 / metres_per_unit
-    origin = Vector(place) + Vector((0.0, 0.0, 0.3 * unit))
-    for _ in range(8):
-        hit, location, _, _, thing, _ = context.scene.ray_cast(
-            context.evaluated_depsgraph_get(), origin, Vector((0.0, 0.0, -1.0)), distance=4.0 * unit
-        )
-        if not hit:
-            break
-        if thing.get(CHARACTER_KEY) is None:
-            return location
-        origin = location - Vector((0.0, 0.0, 1e-3 * unit))
-    return Vector(place)
+    origin, down = Vector(place) + Vector((0.0, 0.0, 0.3 * unit)), Vector((0.0, 0.0, -1.0))
+    return furniture_on_ray(context, Furniture(context), origin, down, 4.0 * unit) or Vector(place)
 
 
 def seat_below(context: bpy.types.Context, place: Vector, metres_per_unit: float = 1.0) -> Seat:
@@ -89,15 +88,26 @@ def _selected_faces(chair: bpy.types.Object) -> tuple[Vector, Vector]:
     return middle / area, max(edges, key=lambda edge: Vector((edge.x, edge.y)).length)
 
 
+def _as_modified(context: bpy.types.Context, chair: bpy.types.Object, place: Vector, metres_per_unit: float) -> Vector:
+    """A place on the faces that are edited, raised or lowered to where modifiers put the surface."""
+    evaluated, inverse = chair.evaluated_get(context.evaluated_depsgraph_get()), chair.matrix_world.inverted_safe()
+    reach = MODIFIED / metres_per_unit
+    heights = _surfaces_below(
+        evaluated, inverse, chair.matrix_world, place.x, place.y, place.z + reach, place.z - reach
+    )
+    nearest = min(heights, key=lambda z: abs(z - place.z), default=place.z)
+    return Vector((place.x, place.y, nearest))
+
+
 def _flattest_part(
     context: bpy.types.Context, chair: bpy.types.Object, metres_per_unit: float
 ) -> tuple[Vector, Vector]:
     """Middle of the largest level patch at seat height, felt from above, and the object's own X direction."""
-    corners = np.array([chair.matrix_world @ Vector(corner) for corner in chair.bound_box])
+    evaluated = chair.evaluated_get(context.evaluated_depsgraph_get())
+    corners = np.array([chair.matrix_world @ Vector(corner) for corner in evaluated.bound_box])
     low, high = corners.min(axis=0), corners.max(axis=0)
     unit = 1.0 / metres_per_unit
     bottom, top = low[2] + SEAT_HEIGHTS[0] * unit, low[2] + SEAT_HEIGHTS[1] * unit
-    evaluated = chair.evaluated_get(context.evaluated_depsgraph_get())
     inverse = chair.matrix_world.inverted_safe()
     hits = []
     for x in np.linspace(low[0], high[0], 26)[1:-1]:
@@ -144,8 +154,8 @@ def _surfaces_below(evaluated, inverse, matrix, x: float, y: float, start: float
 
 def _facing(context: bpy.types.Context, seat: Vector, edge: Vector, metres_per_unit: float) -> float:
     """Heading (radians from +X) away from the chair's back and towards free space, along the seat's edges if near."""
-    headings = np.arange(DIRECTIONS) * (math.tau / DIRECTIONS)
-    free = np.array([_free_distance(context, seat, heading, metres_per_unit) for heading in headings])
+    headings, furniture = np.arange(DIRECTIONS) * (math.tau / DIRECTIONS), Furniture(context)
+    free = np.array([_free_distance(context, furniture, seat, heading, metres_per_unit) for heading in headings])
     behind = np.roll(free, DIRECTIONS // 2)
     # A wide free view in front, and something close behind to lean on.
     view = sum(np.roll(free, shift) for shift in (-2, -1, 0, 1, 2)) / 5
@@ -156,15 +166,16 @@ def _facing(context: bpy.types.Context, seat: Vector, edge: Vector, metres_per_u
     return snapped if abs(math.remainder(snapped - best, math.tau)) < math.radians(25) else best
 
 
-def _free_distance(context: bpy.types.Context, seat: Vector, heading: float, metres_per_unit: float) -> float:
+def _free_distance(
+    context: bpy.types.Context, furniture: Furniture, seat: Vector, heading: float, metres_per_unit: float
+) -> float:
     """Metres to the first thing in a direction, felt at the heights of a seated trunk."""
     unit = 1.0 / metres_per_unit
     direction = Vector((math.cos(heading), math.sin(heading), 0.0))
-    depsgraph = context.evaluated_depsgraph_get()
     nearest = REACH
     for height in FEELERS:
         origin = seat + Vector((0.0, 0.0, height * unit))
-        hit, location, _, _, thing, _ = context.scene.ray_cast(depsgraph, origin, direction, distance=REACH * unit)
-        if hit and thing.get(CHARACTER_KEY) is None:
-            nearest = min(nearest, (location - origin).length * metres_per_unit)
+        met = furniture_on_ray(context, furniture, origin, direction, REACH * unit)
+        if met is not None:
+            nearest = min(nearest, (met - origin).length * metres_per_unit)
     return nearest

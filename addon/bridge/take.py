@@ -21,12 +21,20 @@ from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
 from .action_writer import LOCATION, ROTATION, BoneSpace, data_path
-from .hand_reader import frame_rate
 from .names import SOLVED_KEY
 from .pins import Pin, read_pins, write_pins
+from .scene_time import frame_rate
 
 #: A key that differs by less from what was written is what was written: the file keeps single precision.
 SAME = 2e-6
+#: More is no motion, bytes: an hour of one takes 200 million.
+LARGEST_TAKE = 500_000_000
+#: A key that is larger is a slip, scene units or a quaternion's.
+LARGEST_KEY = 1e6
+#: The least share of a take's keys that must be the run's own.
+LEAST_OF_RUN = 0.5
+#: What moves the armature object, and with it the whole take.
+OBJECT_CHANNELS = ("location", "rotation_", "scale", "delta_")
 #: A frame of the scene this near to one of the core's is that frame.
 ON_FRAME = 1e-6
 
@@ -87,20 +95,51 @@ def solved_of(action: bpy.types.Action) -> Solved:
     if not isinstance(packed, str):
         raise SceneError(f"{action.name} was not made by Oncue: Re-solve knows nothing of how it was before your keys.")
     try:
-        with np.load(io.BytesIO(base64.b85decode(packed)), allow_pickle=False) as kept:
+        file = io.BytesIO(base64.b85decode(packed))
+        with zipfile.ZipFile(file) as zipped:
+            if sum(entry.file_size for entry in zipped.infolist()) > LARGEST_TAKE:
+                raise ValueError("it is larger than any motion")
+        with np.load(file, allow_pickle=False) as kept:
             core_rate, start_frame, scene_rate, metres_per_unit = kept["scale"].tolist()
             motion = Motion(kept["root_positions"], kept["rotations"], core_rate)
             contacts, matrix_world, keys = kept["contacts"], kept["matrix_world"], kept["keys"]
-            return Solved(motion, contacts, int(start_frame), scene_rate, metres_per_unit, matrix_world, keys)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        solved = Solved(motion, contacts, int(start_frame), scene_rate, metres_per_unit, matrix_world, keys)
+        _check_shapes(solved)
+        return solved
+    except (OSError, ValueError, KeyError, EOFError, OverflowError, zipfile.BadZipFile, zlib.error) as error:
         raise SceneError(f"What {action.name} keeps of its motion is damaged: synthesize it again.") from error
+
+
+def _check_shapes(solved: Solved) -> None:
+    """Raises ValueError where the arrays of a take are not those of one motion."""
+    frames, joints = solved.motion.rotations.shape[:2]
+    shapes = [solved.motion.root_positions.shape, solved.motion.rotations.shape, solved.contacts.shape]
+    arrays = (solved.motion.root_positions, solved.motion.rotations, solved.contacts, solved.keys, solved.matrix_world)
+    rates = (solved.motion.frame_rate, solved.scene_rate, solved.metres_per_unit)
+    if (
+        shapes != [(frames, 3), (frames, joints, 4), (frames, 2)]
+        or solved.keys.ndim != 2
+        or solved.keys.shape[1] != 3 + 4 * joints
+        or solved.matrix_world.shape != (4, 4)
+        or not all(np.isfinite(array).all() for array in arrays)
+        or not min(rates) > 0.0
+    ):
+        raise ValueError("its arrays are not those of one motion")
+
+
+def motion_frames(action: bpy.types.Action) -> tuple[int, int] | None:
+    """First and last frame of the scene that the motion of a run takes, or None for an action that is no take."""
+    if SOLVED_KEY not in action:
+        return None
+    solved = solved_of(action)
+    return solved.start_frame, solved.start_frame + len(solved.keys) - 1
 
 
 class Take:
     """An action of the character as it is now, beside what was written. Raises SceneError where they do not fit."""
 
     def __init__(self, scene: bpy.types.Scene, character: bpy.types.Object, action: bpy.types.Action, skeleton: dict):
-        self.action, self.skeleton = action, skeleton
+        self.action, self.skeleton, self._character = action, skeleton, character
         self.names = list(skeleton["names"])
         self.solved = solved_of(action)
         self._check(scene, character)
@@ -111,6 +150,7 @@ class Take:
         self.written = self.solved.keys
         #: What stands there now, NaN where a key is missing.
         self.now = self._read()
+        self._check_timing()
 
     def _check(self, scene: bpy.types.Scene, character: bpy.types.Object) -> None:
         rate = frame_rate(scene)
@@ -124,10 +164,55 @@ class Take:
                 f"{character.name} itself was moved since {self.action.name} was made: move it back, and its Hips bone "
                 "instead."
             )
-        turned = [b.name for b in character.pose.bones if b.name in self.names and b.rotation_mode != "QUATERNION"]
+        turned = [b for b in character.pose.bones if b.name in self.names and b.rotation_mode != "QUATERNION"]
         if turned:
             raise SceneError(
-                f"{turned[0]} does not turn by quaternions any more: set its rotation mode back and key it again."
+                f"{turned[0].name} does not turn by quaternions, in which Re-solve works: set the bones of "
+                f"{character.name} to the Rotation Mode Quaternion (WXYZ), and "
+                "synthesize again where that changes the take."
+            )
+        self._check_curves(character)
+
+    def _check_curves(self, character: bpy.types.Object) -> None:
+        """Raises SceneError where the curves do not play what their keys say, or others play along."""
+        own = {(data_path(bone, channel), axis) for bone, channel, axis in self._channels()}
+        bones = tuple(f'pose.bones["{bone}"].' for bone in self.names)
+        for curve in compat.action_curves(self.action, character):
+            title = f"{curve.data_path}[{curve.array_index}] of {self.action.name}"
+            if (curve.data_path, curve.array_index) not in own:
+                if curve.data_path.startswith((*bones, *OBJECT_CHANNELS)):
+                    raise SceneError(f"{title} is keyed, which Re-solve does not know of: delete that channel.")
+                continue
+            if curve.mute or (curve.group is not None and curve.group.mute):
+                raise SceneError(f"{title} is muted, so that its keys do not play: unmute it.")
+            if curve.lock or (curve.group is not None and curve.group.lock):
+                raise SceneError(f"{title} is locked: unlock it, so that Re-solve can write its keys.")
+            if any(not modifier.mute for modifier in curve.modifiers):
+                raise SceneError(f"{title} has a modifier: bake it into keys, mute it or take it out.")
+
+    def _check_timing(self) -> None:
+        """Raises SceneError where a key is no number, or the keys as a whole were moved in time or thinned out."""
+        name = self.action.name
+        for curve in self._curves().values():
+            keys = _coordinates(curve)
+            # Not a number is not smaller either.
+            broken = keys[~(np.abs(keys[:, 1]) < LARGEST_KEY)]
+            if len(broken):
+                raise SceneError(
+                    f"{curve.data_path} of {name} has a key of {broken[0, 1]:g} at frame {broken[0, 0]:g}, where no "
+                    "bone can be: delete it."
+                )
+            between = keys[np.abs(keys[:, 0] - np.rint(keys[:, 0])) >= 1e-3]
+            if len(between):
+                raise SceneError(
+                    f"{name} has keys between frames (the first at {between[0, 0]:.2f}), as moving or scaling "
+                    "in time leaves them, and Re-solve works on whole frames: undo that, or snap them (Shift S)."
+                )
+        same = np.abs(self.now - self.written) <= SAME
+        if same.mean() < LEAST_OF_RUN:
+            raise SceneError(
+                f"Most keys of {name} are no longer those of the run, as if they were moved in time or thinned "
+                "out, so no motion is left to adapt: undo that, or keep the take without Re-solve."
             )
 
     # --- what the artist did ------------------------------------------------------------------------------------------
@@ -269,14 +354,11 @@ class Take:
             curve = curves.get((data_path(bone, channel), axis))
             if curve is None:
                 continue
-            points = curve.keyframe_points
-            coordinates = np.empty(len(points) * 2, dtype=np.float32)
-            points.foreach_get("co", coordinates)
-            pairs = coordinates.reshape(-1, 2)
+            points, pairs = curve.keyframe_points, _coordinates(curve)
             frames = self._frames_of(pairs)
             inside = (frames >= 0) & free[np.clip(frames, 0, len(free) - 1), column]
             pairs[inside, 1] = self._signed(values, column)[frames[inside]]
-            points.foreach_set("co", coordinates)
+            points.foreach_set("co", pairs.ravel())
             for frame in sorted(set(np.flatnonzero(free[:, column]).tolist()) - set(frames.tolist())):
                 value = float(self._signed(values, column)[frame])
                 added = points.insert(frame + self.solved.start_frame, value, options={"FAST"})
@@ -310,7 +392,9 @@ class Take:
         return self._space.motion(row[None, :3], rotations, self.solved.scene_rate)
 
     def _curves(self) -> dict[tuple[str, int], bpy.types.FCurve]:
-        return {(curve.data_path, curve.array_index): curve for curve in compat.action_curves(self.action)}
+        return {
+            (curve.data_path, curve.array_index): curve for curve in compat.action_curves(self.action, self._character)
+        }
 
     def _frames_of(self, pairs: np.ndarray) -> np.ndarray:
         """Which frame of the motion each key lies on; -1 between frames and outside of the motion."""
@@ -325,12 +409,17 @@ class Take:
             curve = curves.get((data_path(bone, channel), axis))
             if curve is None:
                 continue
-            coordinates = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
-            curve.keyframe_points.foreach_get("co", coordinates)
-            pairs = coordinates.reshape(-1, 2)
+            pairs = _coordinates(curve)
             frames = self._frames_of(pairs)
             now[frames[frames >= 0], column] = pairs[frames >= 0, 1]
         return now
+
+
+def _coordinates(curve: bpy.types.FCurve) -> np.ndarray:
+    """(frame, value) of each key, shape (keys, 2)."""
+    coordinates = np.empty(len(curve.keyframe_points) * 2, dtype=np.float32)
+    curve.keyframe_points.foreach_get("co", coordinates)
+    return coordinates.reshape(-1, 2)
 
 
 def flat(locations: np.ndarray, rotations: np.ndarray) -> np.ndarray:

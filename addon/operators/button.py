@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import traceback
+
 import bpy
 
+from .. import native
 from ..errors import SceneError
 
 
@@ -22,5 +25,9 @@ class Button:
             self.act(context)
         except SceneError as error:
             self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        except Exception as error:
+            traceback.print_exception(error)
+            self.report({"ERROR"}, f"{self.bl_label} ended by {native.bug_sentence(error)} The console tells more.")
             return {"CANCELLED"}
         return {"FINISHED"}

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, IntProperty
 
-from ..bridge import pins, session
+from ..bridge import pins, session, take
 from ..job_operator import JobOperator
 from ..native import core
 from ..pipeline import Steps, edit_steps
@@ -59,7 +59,18 @@ class ONCUE_OT_pin(Button, bpy.types.Operator):
             self.last_frame,
             position=self.position,
             rotation=self.rotation,
+            within=take.motion_frames(pins.action_of(context.active_object)),
         )
+
+
+class ONCUE_OT_remove_pins(Button, bpy.types.Operator):
+    """Take all pins of this take out; keys stay keys, and Re-solve may change them again"""
+
+    bl_idname = "oncue.remove_pins"
+    bl_label = "Remove All Pins"
+
+    def act(self, context: bpy.types.Context) -> None:
+        pins.remove_pins(context.scene.oncue.character)
 
 
 class ONCUE_OT_remove_pin(Button, bpy.types.Operator):
@@ -68,7 +79,7 @@ class ONCUE_OT_remove_pin(Button, bpy.types.Operator):
     bl_idname = "oncue.remove_pin"
     bl_label = "Remove Pin"
 
-    index: IntProperty(name="Pin", min=0, options={"SKIP_SAVE"})
+    index: IntProperty(name="Pin", description="Its place in the list", min=0, options={"SKIP_SAVE"})
 
     def act(self, context: bpy.types.Context) -> None:
         pins.remove_pin(context.scene.oncue.character, self.index)
@@ -94,4 +105,6 @@ class ONCUE_OT_resolve(JobOperator, bpy.types.Operator):
             self.report({"INFO"}, f"Frames {touched[0]} to {touched[1]} were adapted.")
 
 
-register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_pin, ONCUE_OT_remove_pin, ONCUE_OT_resolve))
+register, unregister = bpy.utils.register_classes_factory(
+    (ONCUE_OT_pin, ONCUE_OT_remove_pin, ONCUE_OT_remove_pins, ONCUE_OT_resolve)
+)

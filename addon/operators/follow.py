@@ -15,10 +15,11 @@ from bpy.app.handlers import persistent
 
 from ..bridge import session
 from ..bridge.live_take import LiveTake
-from ..bridge.names import CHARACTER_KEY, CUE_KEY
+from ..bridge.names import CUE_KEY
 from ..bridge.policies import policy_cache
+from ..bridge.what_counts import Furniture
 from ..errors import FollowingEnded
-from ..job_operator import STOP_WAIT, handle, redraw_sidebars
+from ..job_operator import STOP_WAIT, Notice, handle, redraw_sidebars
 from ..live import Follower
 from ..pipeline import Outcome, Request
 from .button import Button
@@ -35,7 +36,7 @@ class Following:
     def __init__(self) -> None:
         self.follower: Follower | None = None
         #: Why the last one ended; empty where the artist ended it.
-        self.message = ""
+        self.notice = Notice()
         #: Blender renders or saves: nothing is written meanwhile.
         self.held = False
         self._scene, self._take = "", None
@@ -45,6 +46,10 @@ class Following:
         self._saw_full_run = False
 
     @property
+    def message(self) -> str:
+        return self.notice.message
+
+    @property
     def on(self) -> bool:
         return self.follower is not None
 
@@ -52,7 +57,8 @@ class Following:
         """Begins in the context's scene. Raises SceneError where no take can be followed with."""
         self.stop("")
         self._take = LiveTake(context)
-        self._scene, self._saw_full_run, self.message = context.scene.name, False, ""
+        self._scene, self._saw_full_run = context.scene.name, False
+        self.notice.forget()
         self.follower = Follower(self, library_cache, policy_cache(context))
         if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
             bpy.app.timers.register(_tick)
@@ -64,7 +70,8 @@ class Following:
         self.follower.stop(wait_s)
         if keep:
             self._take.keep()
-        self.follower, self._take, self.message = None, None, why
+        self.follower, self._take = None, None
+        self.notice.say(why)
         if bpy.app.timers.is_registered(_tick):
             bpy.app.timers.unregister(_tick)
 
@@ -117,7 +124,8 @@ class Following:
     # --- the follower's host ------------------------------------------------------------------------------------------
 
     def read_scene(self) -> Request:
-        request, self._skipped = session.read_request(bpy.context, hands=False)
+        with self._unheard():
+            request, self._skipped = session.read_request(bpy.context, hands=False)
         return request
 
     def read_task(self, request: Request) -> Request:
@@ -127,11 +135,16 @@ class Following:
         return self._take.shows(request.task)
 
     def write(self, request: Request, outcome: Outcome, at_rest: bool) -> None:
-        # What moved until now is told before.
+        with self._unheard():
+            self._take.write(bpy.context, request, outcome, self._skipped, at_rest)
+
+    @contextmanager
+    def _unheard(self) -> Iterator[None]:
+        """What the block itself changes is no news; what moved until then is told before."""
         bpy.context.view_layer.update()
         self._writing = True
         try:
-            self._take.write(bpy.context, request, outcome, self._skipped, at_rest)
+            yield
             bpy.context.view_layer.update()
         finally:
             self._writing = False
@@ -140,8 +153,12 @@ class Following:
 
     def updated(self, scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
         """Sorts what the depsgraph evaluated: a cue, the scene, or neither."""
-        if self.follower is None or self._writing or scene.name != self._scene:
+        if self.follower is None:
+            self.notice.forget_outdated()
             return
+        if self._writing or scene.name != self._scene:
+            return
+        furniture = Furniture(bpy.context)
         for update in depsgraph.updates:
             thing = update.id
             if isinstance(thing, bpy.types.Scene | bpy.types.Collection):
@@ -154,7 +171,7 @@ class Following:
                 continue
             elif thing.get(CUE_KEY) is not None:
                 self.follower.cues_changed()
-            elif thing.get(CHARACTER_KEY) is None and (thing.type == "MESH" or thing.instance_type != "NONE"):
+            elif not furniture.is_of_person(thing.original) and (thing.type == "MESH" or thing.instance_type != "NONE"):
                 self.follower.meshes_changed()
 
 

@@ -23,8 +23,12 @@ class ONCUE_OT_add_library(Button, bpy.types.Operator):
     bl_label = "Add to Library"
 
     folder: BoolProperty(name="Folder", description="Add the folder itself", options={"SKIP_SAVE"})
-    directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE"})
-    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE"})
+    directory: StringProperty(description="Where the files lie", subtype="DIR_PATH", options={"SKIP_SAVE"})
+    files: CollectionProperty(
+        description="The files; none for the folder itself",
+        type=bpy.types.OperatorFileListElement,
+        options={"SKIP_SAVE"},
+    )
     filter_glob: StringProperty(default=f"*.bvh;*.BVH;*{LIBRARY_SUFFIX}", options={"HIDDEN"})
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
 
@@ -69,7 +73,7 @@ class ONCUE_OT_save_library(JobOperator, bpy.types.Operator):
     bl_label = "Save Library"
     title = "Building the library"
 
-    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filepath: StringProperty(description="The library file to write", subtype="FILE_PATH", options={"SKIP_SAVE"})
     filter_glob: StringProperty(default=f"*{LIBRARY_SUFFIX}", options={"HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event) -> set[str]:

@@ -27,7 +27,7 @@ class ONCUE_OT_train_manifold(JobOperator, bpy.types.Operator):
     title = "Training the manifold"
     stopped_note = "Stopped; train to the same file again, and it goes on after the last whole pass."
 
-    filepath: StringProperty(subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filepath: StringProperty(description="The manifold's file to write", subtype="FILE_PATH", options={"SKIP_SAVE"})
     filter_glob: StringProperty(default=f"*{MANIFOLD_SUFFIX}", options={"HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, event) -> set[str]:

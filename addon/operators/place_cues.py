@@ -18,6 +18,7 @@ class ONCUE_OT_place_cue(Button, bpy.types.Operator):
 
     kind: EnumProperty(
         name="Kind",
+        description="What the person does there",
         items=[
             ("start", "Start", "Where the character begins"),
             ("sit", "Sit", "Where the character's pelvis ends seated"),
@@ -65,7 +66,12 @@ class ONCUE_OT_place_foot(Button, bpy.types.Operator):
     bl_idname = "oncue.place_foot"
     bl_label = "Place Foot"
 
-    side: EnumProperty(name="Side", items=[("left", "Left", ""), ("right", "Right", "")], options={"SKIP_SAVE"})
+    side: EnumProperty(
+        name="Side",
+        description="Which foot",
+        items=[("left", "Left", "The person's own left"), ("right", "Right", "The person's own right")],
+        options={"SKIP_SAVE"},
+    )
 
     def act(self, context: bpy.types.Context) -> None:
         cue_objects.place_foot(context, self.side, context.scene.oncue.scene_scale)
@@ -80,7 +86,12 @@ It goes along with the selected object"""
 
     kind: EnumProperty(
         name="Hand",
-        items=[("left_hand", "Left", ""), ("right_hand", "Right", ""), ("both_hands", "Both", "")],
+        description="Which hand follows the cue",
+        items=[
+            ("left_hand", "Left", "The person's own left"),
+            ("right_hand", "Right", "The person's own right"),
+            ("both_hands", "Both", "Side by side, as at a box or a wide door"),
+        ],
         options={"SKIP_SAVE"},
     )
     first_frame: IntProperty(name="First Frame", description="When the hand is there first", options={"SKIP_SAVE"})

@@ -6,6 +6,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import FloatProperty
 
+from ..bridge import session
 from ..bridge.names import EXCLUDE_KEY
 from ..job_operator import handle
 from .button import Button
@@ -17,7 +18,14 @@ class ONCUE_OT_set_scene_scale(Button, bpy.types.Operator):
     bl_idname = "oncue.set_scene_scale"
     bl_label = "Set Scene Scale"
 
-    scale: FloatProperty(name="Metres per Unit", default=1.0, min=1e-4, max=1e4, options={"SKIP_SAVE"})
+    scale: FloatProperty(
+        name="Metres per Unit",
+        description="1 for a scene in metres, 0.01 for centimetres",
+        default=1.0,
+        min=1e-4,
+        max=1e4,
+        options={"SKIP_SAVE"},
+    )
 
     def act(self, context: bpy.types.Context) -> None:
         context.scene.oncue.scene_scale = self.scale
@@ -46,7 +54,26 @@ class ONCUE_OT_toggle_exclude(Button, bpy.types.Operator):
         self.report({"INFO"}, f"The character {word} {', '.join(thing.name for thing in chosen)}.")
 
 
-CLASSES = (ONCUE_OT_set_scene_scale, ONCUE_OT_toggle_exclude)
+class ONCUE_OT_reset_character(Button, bpy.types.Operator):
+    """Put the character back into the state in which it plays a motion as it is made: constraints and drivers muted, \
+stray bones at rest, a person's size, at the same place"""
+
+    bl_idname = "oncue.reset_character"
+    bl_label = "Reset Character"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if context.scene.oncue.character is None:
+            cls.poll_message_set("The scene has no character yet")
+            return False
+        return True
+
+    def act(self, context: bpy.types.Context) -> None:
+        session.reset_character(context)
+        handle.forget()
+
+
+CLASSES = (ONCUE_OT_set_scene_scale, ONCUE_OT_toggle_exclude, ONCUE_OT_reset_character)
 
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

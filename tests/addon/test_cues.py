@@ -123,6 +123,25 @@ def test_start_and_stop_stand_on_the_floor_under_the_cursor(context):
     assert (stop.matrix_world.to_3x3() @ Vector((0, -1, 0))).x == pytest.approx(-1.0)
 
 
+def test_the_start_turns_towards_the_cue_until_the_artist_turns_it(context):
+    add_floor()
+    start_facing = lambda: bpy.data.objects["Start"].matrix_world.to_3x3() @ Vector((0, -1, 0))  # noqa: E731
+    bpy.ops.oncue.place_cue(kind="start")
+    assert start_facing().y == pytest.approx(-1.0)
+    for place in ((2.0, 0.0, 0.0), (0.0, 2.0, 0.0)):
+        context.scene.cursor.location = place
+        bpy.ops.oncue.place_cue(kind="stop")
+        context.view_layer.update()
+        assert start_facing() @ Vector(place).normalized() == pytest.approx(1.0, abs=1e-5)
+    bpy.data.objects["Start"].rotation_euler.z += 0.5
+    context.view_layer.update()
+    turned = start_facing()
+    context.scene.cursor.location = (-2.0, 0.0, 0.0)
+    bpy.ops.oncue.place_cue(kind="sit")
+    context.view_layer.update()
+    assert start_facing() @ turned == pytest.approx(1.0, abs=1e-5)
+
+
 def test_pressing_again_moves_the_cue(context):
     add_floor()
     bpy.ops.oncue.place_cue(kind="sit")

@@ -448,6 +448,64 @@ def test_a_key_of_the_artist_ends_the_following(drag, oncue):
     assert keys_of(oncue, drag.live) == keyed
 
 
+def test_a_take_that_would_play_otherwise_is_followed_in_a_clean_copy(drag, oncue):
+    """Muted, locked and modified curves and keyed scales are the artist's in the take, and not in the live one."""
+    drag.following.stop("")
+    character, curves = bpy.context.scene.oncue.character, oncue("bridge.compat").action_curves
+    oncue("bridge.compat").replace_action(character, drag.take)
+    muted, locked, modified = curves(drag.take)[5:8]
+    muted.mute = locked.lock = True
+    modified.modifiers.new("NOISE")
+    character.pose.bones["Head"].scale = (2, 2, 2)
+    character.pose.bones["Head"].keyframe_insert("scale", frame=1)
+    count = len(curves(drag.take))
+    drag.following.start(bpy.context)
+    live = current_action()
+    assert live != drag.take
+    assert len(curves(live, character)) == 91
+    assert not any(curve.mute or curve.lock or len(curve.modifiers) for curve in curves(live))
+    assert (len(curves(drag.take)), muted.mute, locked.lock, len(modified.modifiers)) == (count, True, True, 1)
+    bpy.data.objects["Stop"].location.x += 0.1
+    bpy.context.view_layer.update()
+    drag.rest()
+    assert max(drag.misses()) < 0.2
+    assert tuple(character.pose.bones["Head"].scale) == (1.0, 1.0, 1.0)
+
+
+def test_what_the_person_carries_is_no_news(drag):
+    """Its skin and props move with every motion that is written."""
+    cup = add_cube("Cup", size=0.1)
+    cup.parent, cup.parent_type, cup.parent_bone = bpy.context.scene.oncue.character, "BONE", "RightHand"
+    drag.rest()
+    cup.location.x += 0.1
+    bpy.context.view_layer.update()
+    assert drag.follower._meshes_at is None
+    cup.parent = None
+    bpy.context.view_layer.update()
+    assert drag.follower._meshes_at is not None
+
+
+def test_a_character_that_is_bent_meanwhile_is_a_line(drag, oncue):
+    drag.rest()
+    before = keys_of(oncue, drag.live)
+    bpy.context.scene.oncue.character.scale = (0.7, 0.7, 0.7)
+    bpy.data.objects["Stop"].location.x += 0.1
+    bpy.context.view_layer.update()
+    drag.until("the line", lambda: "scaled to 0.7" in drag.follower.line)
+    assert keys_of(oncue, drag.live) == before
+
+
+def test_why_it_ended_is_said_until_something_changes(drag):
+    drag.following.stop("Following ended with the undo: press Follow Cues to go on.")
+    bpy.context.view_layer.update()
+    stop = bpy.data.objects["Stop"]
+    assert drag.following.message
+    for _ in range(2):
+        stop.location.x += 0.1
+        bpy.context.view_layer.update()
+    assert drag.following.message == ""
+
+
 @pytest.mark.parametrize("gone", ["action", "character"])
 def test_what_is_deleted_ends_the_following(drag, gone):
     if gone == "action":

@@ -88,7 +88,7 @@ def test_escape_says_that_it_goes_on(oncue, captures, context, tmp_path):
     try:
         assert bpy.ops.oncue.cancel() == {"FINISHED"}
         assert "it goes on" in handle.message
-        assert handle.failure is None
+        assert not handle.failed
         assert handle.stopped_note == job_operator.CANCELLED
     finally:
         handle.stop_and_wait("")

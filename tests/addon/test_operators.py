@@ -150,7 +150,7 @@ def test_a_scene_in_centimetres_is_said_and_the_scale_offered(stool, oncue, core
     refused("centimetres")
     assert buttons(oncue).count("oncue.set_scene_scale") == 3
     bpy.ops.oncue.set_scene_scale(scale=0.01)
-    assert oncue("job_operator").handle.failure is None
+    assert not oncue("job_operator").handle.failed
     assert "oncue.set_scene_scale" not in buttons(oncue)
     assert bpy.ops.oncue.synthesize() == {"FINISHED"}
     character = stool.scene.oncue.character

@@ -157,6 +157,28 @@ def test_a_scene_in_centimetres_is_recognised_and_can_be_scaled(read, oncue):
     assert len(read(scale_confirmed=True).triangles) == 12
 
 
+def test_a_wide_ground_is_no_scene_in_centimetres(read, oncue):
+    """What stands on it is as large as furniture; or, with nothing on it, the cues are some steps apart."""
+    make, refused = oncue("bridge.cue_objects").make_cue, oncue("errors").ScaleError
+    ground = add_cube("Ground", location=(0, 0, -0.5), scale=(100, 100, 1))
+    with pytest.raises(refused):
+        read(scale_confirmed=False)
+    for cue, x in (("start", 0.0), ("stop", 5.0)):
+        make(bpy.context, cue, (x, 0, 0), 0.0)
+    assert len(read(scale_confirmed=False).triangles) == 12
+    # The same in centimetres: the way is 5 m and the stool 45 cm.
+    bpy.data.objects["Stop"].location.x = 500.0
+    stool = add_cube("Stool", location=(50, 0, 22), scale=(45, 45, 45))
+    ground.scale = (700, 600, 10)
+    bpy.context.view_layer.update()
+    with pytest.raises(refused, match="centimetres"):
+        read(scale_confirmed=False)
+    for thing in (stool, add_cube("Table", scale=(0.6, 0.6, 0.75))):
+        thing.scale = (0.5, 0.5, 0.5)
+    bpy.context.view_layer.update()
+    assert len(read(scale_confirmed=False).triangles) == 36
+
+
 def test_the_scale_that_is_set_counts_as_confirmed(context, oncue):
     assert not context.scene.oncue.scale_confirmed
     bpy.ops.oncue.set_scene_scale(scale=1.0)

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes in edit mode, as they will be once it is left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+
+from .what_counts import things_of
+
+
+@contextmanager
+def copies_outside(context: bpy.types.Context) -> Iterator[dict[bpy.types.Object, bpy.types.Object]]:
+    """Within the block stands, beside each object whose modifiers edit mode does not show, a copy out of edit mode.
+
+    Gives copy → object. Some modifiers never show in edit mode, and nothing says which. The edited mesh itself needs no
+    copy: `to_mesh` gives it.
+    """
+    copies: dict[bpy.types.Object, bpy.types.Object] = {}
+    meshes: dict[bpy.types.Mesh, bpy.types.Mesh] = {}
+    try:
+        for thing in things_of(context.view_layer):
+            if not (thing.type == "MESH" and thing.data.is_editmode and _is_simplified(thing)):
+                continue
+            if thing.data not in meshes:
+                thing.update_from_editmode()
+                meshes[thing.data] = thing.data.copy()
+            copy = thing.copy()
+            copies[copy] = thing
+            copy.data = meshes[thing.data]
+            context.scene.collection.objects.link(copy)
+        if copies:
+            context.view_layer.update()
+        yield copies
+    finally:
+        for copy in copies:
+            bpy.data.objects.remove(copy)
+        for mesh in meshes.values():
+            bpy.data.meshes.remove(mesh)
+        if copies:
+            context.view_layer.update()
+
+
+def _is_simplified(thing: bpy.types.Object) -> bool:
+    return any(modifier.show_viewport and not modifier.show_in_editmode for modifier in thing.modifiers)

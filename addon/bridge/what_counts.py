@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the view shows, and whose it is: what a person wears, holds or carries is no furniture."""
+
+from __future__ import annotations
+
+import bpy
+from mathutils import Vector
+
+from .names import CHARACTER_KEY, CUE_KEY, EXCLUDE_KEY
+
+#: Constraints that hang an object on their target, as a parent does.
+HANGING = {"CHILD_OF", "ARMATURE", "COPY_TRANSFORMS", "COPY_LOCATION", "PIVOT"}
+#: Ways of showing an object by which nobody takes it for a solid thing.
+OUTLINES = {"WIRE", "BOUNDS"}
+#: A ray goes through so many surfaces that do not count, and is blocked by the next.
+MOST_SURFACES = 256
+
+
+def things_of(view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
+    """The objects of a view layer; one that was deleted since the last update is none."""
+    return [thing for thing in view_layer.objects if thing is not None]
+
+
+def is_shown(thing: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
+    """Whether the view shows an object: its own eye and monitor, and those of the collections that it lies in."""
+    return thing.visible_get(view_layer=view_layer)
+
+
+class Furniture:
+    """Tells the scene's things from the persons, their belongings, the cues and what the artist left out."""
+
+    def __init__(self, context: bpy.types.Context, exclude: bpy.types.Collection | None = None) -> None:
+        # Scripts read scenes without the extension: then nothing was chosen.
+        settings = getattr(context.scene, "oncue", None)
+        self._view_layer = context.view_layer
+        exclude = exclude or (settings.exclude if settings else None)
+        self._left_out = set(exclude.all_objects) if exclude else set()
+        self._chosen = settings.character if settings else None
+        #: Object → whether it is a person's. What is being found out counts as nobody's, so that circles end.
+        self._of_persons: dict[bpy.types.Object, bool] = {}
+
+    def counts(self, owners: list[bpy.types.Object]) -> bool:
+        """Whether a mesh is furniture: `owners` are its object and, of an instance, at last what instances it.
+
+        A thing that only its instances show lies in no collection of the view: the instancing one is asked for.
+        """
+        return is_shown(owners[-1], self._view_layer) and not any(map(self.is_left_out, owners))
+
+    def is_of_person(self, thing: bpy.types.Object) -> bool:
+        """Whether it is a character or hangs on one: by parents, an armature's deformation or a constraint."""
+        known = self._of_persons.get(thing)
+        if known is None:
+            self._of_persons[thing] = False
+            known = self._of_persons[thing] = self._is_person(thing) or any(map(self.is_of_person, carriers(thing)))
+        return known
+
+    def is_left_out(self, thing: bpy.types.Object) -> bool:
+        """Whether the character may walk through it: persons and cues, outlines, and what the artist says."""
+        return (
+            thing in self._left_out
+            or thing.get(CUE_KEY) is not None
+            or bool(thing.get(EXCLUDE_KEY))
+            or thing.display_type in OUTLINES
+            or self.is_of_person(thing)
+        )
+
+    def _is_person(self, thing: bpy.types.Object) -> bool:
+        return thing == self._chosen or thing.get(CHARACTER_KEY) is not None
+
+
+def carriers(thing: bpy.types.Object) -> list[bpy.types.Object]:
+    """What an object hangs on: its parent, the armatures that deform it, and the targets of such constraints."""
+    found = [thing.parent]
+    found += [modifier.object for modifier in thing.modifiers if modifier.type == "ARMATURE"]
+    for constraint in thing.constraints:
+        if constraint.type in HANGING and not constraint.mute and constraint.influence > 0.0:
+            targets = constraint.targets if constraint.type == "ARMATURE" else [constraint]
+            found += [target.target for target in targets]
+    return [carrier for carrier in found if carrier is not None]
+
+
+def furniture_on_ray(
+    context: bpy.types.Context, furniture: Furniture, origin: Vector, direction: Vector, reach: float
+) -> Vector | None:
+    """Where a ray (scene units, `direction` of unit length) first meets furniture within `reach`, or None.
+
+    It goes through everything that a run would not read.
+    """
+    depsgraph, place, left = context.evaluated_depsgraph_get(), Vector(origin), reach
+    step = 1e-4 * max(reach, 1e-6)
+    for _ in range(MOST_SURFACES):
+        if left <= 0.0:
+            return None
+        hit, location, _, _, thing, _ = context.scene.ray_cast(depsgraph, place, direction, distance=left)
+        if not hit:
+            return None
+        if not furniture.is_left_out(thing.original):
+            return location
+        left -= (location - place).length + step
+        place = location + direction * step
+    return None

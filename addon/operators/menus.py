@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operators in Blender's own menus: Add, Object and Pose. The search (F3) finds what a menu has."""
+
+from __future__ import annotations
+
+import bpy
+
+
+class ONCUE_MT_cues(bpy.types.Menu):
+    """Where a person starts, sits, stops, and puts feet and hands"""
+
+    bl_idname = "ONCUE_MT_cues"
+    bl_label = "Oncue Cue"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout = self.layout
+        for kind, text in (("start", "Start Cue"), ("sit", "Sit Cue"), ("stop", "Stop Cue")):
+            layout.operator("oncue.place_cue", text=text).kind = kind
+        layout.operator("oncue.sit_on_selection")
+        layout.separator()
+        for side in ("left", "right"):
+            layout.operator("oncue.place_foot", text=f"{side.title()} Foot Cue").side = side
+        for kind in ("left_hand", "right_hand", "both_hands"):
+            layout.operator("oncue.place_hand", text=f"{kind.replace('_', ' ').title()} Cue").kind = kind
+
+
+class ONCUE_MT_motion(bpy.types.Menu):
+    """Making a person walk to the cues"""
+
+    bl_idname = "ONCUE_MT_motion"
+    bl_label = "Oncue"
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        layout = self.layout
+        # A menu runs what it names at once unless it is told to ask: the run is modal in the window.
+        layout.operator_context = "INVOKE_DEFAULT"
+        for name in ("synthesize", "follow_cues", "resolve"):
+            layout.operator(f"oncue.{name}")
+        layout.separator()
+        layout.operator("oncue.pin")
+        layout.operator("oncue.pin", text="Pin over Frames").over_range = True
+        layout.operator("oncue.remove_pins")
+        layout.separator()
+        for name in ("toggle_exclude", "reset_character"):
+            layout.operator(f"oncue.{name}")
+        layout.operator("oncue.add_library", text="Add Motion Capture Files")
+        layout.operator("oncue.add_library", text="Add Motion Capture Folder").folder = True
+        for name in ("save_library", "train_manifold"):
+            layout.operator(f"oncue.{name}")
+
+
+def _draw_cues(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    menu.layout.menu(ONCUE_MT_cues.bl_idname, icon="EMPTY_ARROWS")
+
+
+def _draw_motion(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:
+    menu.layout.separator()
+    menu.layout.menu(ONCUE_MT_motion.bl_idname, icon="ARMATURE_DATA")
+
+
+CLASSES = (ONCUE_MT_cues, ONCUE_MT_motion)
+#: Blender's menu, and what is drawn at its end.
+PLACES = (("VIEW3D_MT_add", _draw_cues), ("VIEW3D_MT_object", _draw_motion), ("VIEW3D_MT_pose", _draw_motion))
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    for menu, draw in PLACES:
+        getattr(bpy.types, menu).append(draw)
+
+
+def unregister() -> None:
+    for menu, draw in PLACES:
+        getattr(bpy.types, menu).remove(draw)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)
