@@ -245,7 +245,7 @@ def test(session: nox.Session) -> None:
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Formatting, clippy, the crate's documentation with its examples, the dependencies' terms and versions, ruff, mypy."""
+    """Formatting, clippy, the crate's documentation, the dependencies' terms and versions, ruff and mypy."""
     session.run("cargo", "fmt", "--all", "--check", external=True)
     session.run(sys.executable, "tools/dependencies.py", "check")
     clippy = ["cargo", "clippy", "--release", "--locked", "--workspace", "--all-targets"]

@@ -256,10 +256,17 @@ mod tests {
 
     #[test]
     fn a_forbidden_type_is_never_drawn() {
-        let p = type_probabilities(&[0.0, 50.0, 0.0], [true, false, true]);
-        assert_eq!(p, [0.5, 0.0, 0.5]);
+        // Two are open and equally likely; the one that is shut has by far the largest logit.
+        let (mut logits, mut allowed, mut expected) =
+            ([0.0; TYPE_COUNT], [false; TYPE_COUNT], [0.0; TYPE_COUNT]);
+        logits[1] = 50.0;
+        (allowed[0], allowed[2]) = (true, true);
+        (expected[0], expected[2]) = (0.5, 0.5);
+        assert_eq!(type_probabilities(&logits, allowed), expected);
         // One standard normal at its mean, worked by hand.
-        let l = log_probability(&[1.0, 0.0, 0.0], 0, &[0.3], &[0.3], &Gaussian::of(&[0.0]));
+        let mut certain = [0.0; TYPE_COUNT];
+        certain[0] = 1.0;
+        let l = log_probability(&certain, 0, &[0.3], &[0.3], &Gaussian::of(&[0.0]));
         assert!((l + 0.918_938_5).abs() < 1e-6);
     }
 }

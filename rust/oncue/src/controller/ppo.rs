@@ -297,14 +297,14 @@ mod tests {
                 let mean = policy.means(&normal, 1, &mut act).to_vec();
                 let drawn = super::super::policy::draw(
                     &mean,
-                    [true; 3],
+                    [true; TYPE_COUNT],
                     &Gaussian::of(&policy.log_std),
                     1.0,
                     &mut rng,
                 );
                 tuples.states.extend(state);
                 tuples.proposals.extend(vec![0.0; width]);
-                tuples.allowed.push([true; 3]);
+                tuples.allowed.push([true; TYPE_COUNT]);
                 let good = f32::from(u8::from(drawn.action_type == 1));
                 tuples.rewards.push(good - (drawn.vector[0] - 0.5).powi(2));
                 tuples.types.push(drawn.action_type);

@@ -381,9 +381,17 @@ mod tests {
         };
         let library = library();
         assert!(refused(&library, ManifoldSettings { batch: 20, ..small() }).contains("multiple of 16"));
-        assert!(refused(&library, ManifoldSettings { channels: 0, ..small() }).contains("1 to 1024, not 0"));
-        assert!(refused(&library, ManifoldSettings { epochs: 0, ..small() }).contains("at least 1"));
-        assert!(refused(&library, ManifoldSettings { noise: f32::NAN, ..small() }).contains("at least 0"));
+        assert!(
+            refused(&library, ManifoldSettings { channels: 0, ..small() })
+                .contains("manifold.channels is 0; it must be 1 to 1024")
+        );
+        assert!(
+            refused(&library, ManifoldSettings { epochs: 0, ..small() }).contains("manifold.epochs is 0")
+        );
+        assert!(
+            refused(&library, ManifoldSettings { noise: f32::NAN, ..small() })
+                .contains("manifold.noise is NaN")
+        );
         assert!(refused(&library, ManifoldSettings { test_share: 1.0, ..small() }).contains("0.9"));
         let few = MotionLibrary { clips: library.clips[..2].to_vec() };
         assert!(refused(&few, small()).contains("at least three"));
