@@ -10,7 +10,7 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix, Vector
 
-from . import preferences
+from .bridge import user_preferences
 from .bridge.cue_objects import KINDS
 from .bridge.cue_reader import FEET, HANDS, visible_cues
 from .bridge.names import CUE_KEY
@@ -123,7 +123,7 @@ def _draw() -> None:
         return
     if context.space_data and not context.space_data.overlay.show_overlays:
         return
-    known = preferences.get(context)
+    known = user_preferences.get(context)
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
     gpu.state.blend_set("ALPHA")
     gpu.state.depth_test_set("NONE")

@@ -7,7 +7,9 @@ import bpy
 from bpy.props import FloatVectorProperty, IntProperty, StringProperty
 
 from . import log, native
+from .bridge import user_preferences
 from .bridge.compat import BLENDER_VERSION
+from .bridge.policies import policy_cache
 
 
 def _keep_log(chosen: OncuePreferences, _context) -> None:
@@ -51,8 +53,6 @@ class OncuePreferences(bpy.types.AddonPreferences):
     )
 
     def draw(self, context) -> None:
-        from .bridge.policies import policy_cache  # the bridge asks for the preferences itself
-
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "mocap_folder")
@@ -73,15 +73,9 @@ class OncuePreferences(bpy.types.AddonPreferences):
         )
 
 
-def get(context: bpy.types.Context) -> OncuePreferences | None:
-    """The preferences, or None when the extension runs from its source folder."""
-    entry = context.preferences.addons.get(__package__)
-    return entry.preferences if entry else None
-
-
 def register() -> None:
     bpy.utils.register_class(OncuePreferences)
-    chosen = get(bpy.context)
+    chosen = user_preferences.get(bpy.context)
     if chosen and chosen.log_file:
         _keep_log(chosen, bpy.context)
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
-from .. import preferences
-from ..bridge import session
+from ..bridge import session, user_preferences
 from ..job_operator import JobOperator
 from ..pipeline import LIBRARY_SUFFIX, BuiltLibrary, Steps, library_steps
 from .button import Button
@@ -33,7 +32,7 @@ class ONCUE_OT_add_library(Button, bpy.types.Operator):
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, _event) -> set[str]:
-        known = preferences.get(context)
+        known = user_preferences.get(context)
         if known and known.mocap_folder:
             self.directory = known.mocap_folder
         context.window_manager.fileselect_add(self)

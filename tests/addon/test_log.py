@@ -11,7 +11,7 @@ from .runs import set_quick
 @pytest.fixture
 def choose(oncue):
     """Names the log file in the preferences; afterwards there is none."""
-    preferences = oncue("preferences")
+    preferences = oncue("bridge.user_preferences")
     if preferences.get(bpy.context) is None:
         pytest.skip("the extension is not installed, and has no preferences")
 

@@ -69,6 +69,7 @@ pub mod motion;
 mod nn;
 mod practice;
 pub mod progress;
+mod range;
 pub mod report;
 pub mod scene;
 pub mod settings;

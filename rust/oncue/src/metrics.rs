@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
 use crate::action::ActionLabel;
@@ -11,6 +11,7 @@ use crate::cue::ActionCue;
 use crate::library::{Clip, MotionLibrary};
 use crate::math::rotation::{angle_between, wrap_angle};
 use crate::motion::skeleton::TOE_HEIGHT;
+use crate::motion::speed::{accelerations, joint_turns};
 use crate::motion::{BODY_BOXES, FRAME_RATE, JOINT_COUNT, Joint, Limb, Motion, Pose, Posture};
 use crate::scene::SceneIndex;
 
@@ -243,44 +244,6 @@ pub struct SpeedFigures {
     pub fastest: f32,
 }
 
-/// Percentile of each joint's turn from frame to frame, radians: the hips' in the world, the others' in their parents'
-/// frames. `part` in 0..=1; motions of one frame count for nothing.
-pub fn joint_turns(pairs: impl Iterator<Item = (Posture, Posture)>, part: f64) -> [f32; JOINT_COUNT] {
-    let mut turns: [Vec<f32>; JOINT_COUNT] = Default::default();
-    for (before, after) in pairs {
-        for (joint, turns) in turns.iter_mut().enumerate() {
-            turns.push(angle_between(before.rotations[joint], after.rotations[joint]));
-        }
-    }
-    turns.map(|mut turns| percentile(&mut turns, part))
-}
-
-/// How hard each joint is accelerated between three frames, world, m/s².
-pub fn accelerations(positions: [&[Vec3; JOINT_COUNT]; 3]) -> [f32; JOINT_COUNT] {
-    let [a, b, c] = positions;
-    std::array::from_fn(|j| FRAME_RATE * FRAME_RATE * (a[j] + c[j] - 2.0 * b[j]).length())
-}
-
-/// Percentile of each joint's acceleration over `motions`, m/s². `part` in 0..=1; motions of fewer than three frames
-/// count for nothing.
-pub fn joint_accelerations<'a>(motions: impl Iterator<Item = &'a Motion>, part: f64) -> [f32; JOINT_COUNT] {
-    let mut all: [Vec<f32>; JOINT_COUNT] = Default::default();
-    for motion in motions {
-        let poses: Vec<Pose> = motion.postures.iter().map(Posture::pose).collect();
-        for w in poses.windows(3) {
-            let hard = accelerations([&w[0].positions, &w[1].positions, &w[2].positions]);
-            all.iter_mut().zip(hard).for_each(|(all, a)| all.push(a));
-        }
-    }
-    all.map(|mut values| percentile(&mut values, part))
-}
-
-/// The value that `part` (0..=1) of the others do not exceed; 0 of nothing.
-fn percentile(values: &mut [f32], part: f64) -> f32 {
-    let at = ((values.len() as f64 * part) as usize).min(values.len().saturating_sub(1));
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f32::total_cmp).1 }
-}
-
 /// Speed figures of a motion; `library` and `library_accelerations`: [`joint_turns`] and [`joint_accelerations`] of the
 /// library at 99.9 %.
 pub fn speed_figures(
@@ -406,6 +369,8 @@ pub fn penetration_figures(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::speed::joint_accelerations;
+    use glam::Vec3;
 
     fn sliding(step: f32, frames: usize) -> Motion {
         let mut motion = Motion::default();

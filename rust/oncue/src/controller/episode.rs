@@ -16,7 +16,8 @@ use crate::action::ActionType;
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
-use crate::metrics::{ContactError, accelerations, is_met, is_penetrating};
+use crate::metrics::{ContactError, is_met, is_penetrating};
+use crate::motion::speed::accelerations;
 use crate::motion::{FRAME_RATE, JOINT_COUNT, Joint, Motion, Pose, Posture};
 use crate::synthesizer::{Character, PostureOffset};
 

@@ -14,8 +14,8 @@ use crate::cue::{InitialState, Task};
 use crate::error::Result;
 use crate::math::Planar;
 use crate::progress::Progress;
+use crate::range::check_ranges;
 use crate::scene::check_task;
-use crate::settings::range::check_ranges;
 
 /// How the starts are laid out and judged.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

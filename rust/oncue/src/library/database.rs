@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::math::Planar;
 use crate::math::curve::softened;
 use crate::math::rotation::{angle_between, from_angle_axis, to_angle_axis};
-use crate::metrics::{joint_accelerations, joint_turns};
+use crate::motion::speed::{joint_accelerations, joint_turns};
 use crate::motion::{FootContact, JOINT_COUNT, Joint, Posture};
 use crate::progress::Progress;
 

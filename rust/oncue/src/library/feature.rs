@@ -14,7 +14,7 @@ use crate::action::{ActionType, CueHeight, FutureKind};
 use crate::error::Result;
 use crate::math::Planar;
 use crate::motion::{FRAME_RATE, FootContact, Joint, Pose};
-use crate::settings::range::check_ranges;
+use crate::range::check_ranges;
 
 /// The j of p_j: end effectors, in the order of the feature.
 pub(crate) const END_EFFECTORS: [Joint; 5] =

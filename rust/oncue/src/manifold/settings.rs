@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::settings::range::check_ranges;
+use crate::range::check_ranges;
 
 /// Windows that one thread takes at a time.
 pub(super) const CHUNK_WINDOWS: usize = 16;

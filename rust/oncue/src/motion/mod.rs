@@ -3,6 +3,7 @@
 pub mod posture;
 pub mod skeleton;
 pub mod smoothness;
+pub mod speed;
 
 pub use posture::{Pose, Posture};
 pub use skeleton::{BODY_BOXES, BoxNode, JOINT_COUNT, Joint, Limb};

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::settings::range::check_ranges;
+use crate::range::check_ranges;
 
 /// The constants of the scene index. Lengths in metres.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -5,14 +5,11 @@
 //! path, with a view of a few metres, stopped when the task is solved.
 //! `docs/decisions/` says why each default departs from the paper.
 
-pub(crate) mod range;
-
 use serde::{Deserialize, Serialize};
-
-use range::{check_length, check_ranges};
 
 use crate::error::{Error, Result};
 use crate::library::feature::FeatureWeights;
+use crate::range::{check_length, check_ranges};
 
 /// All settings. Unknown fields are refused by name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -93,7 +93,7 @@ pub(crate) fn check_length<T>(
 macro_rules! check_ranges {
     ($value:expr, $section:expr, $type:ident { $($field:ident: $range:expr),* $(,)? }, free { $($free:ident),* $(,)? }) => {{
         let $type { $($field,)* $($free: _,)* } = $value;
-        $( $crate::settings::range::Ranged::check($field, $section, stringify!($field), &$range)?; )*
+        $( $crate::range::Ranged::check($field, $section, stringify!($field), &$range)?; )*
     }};
 }
 pub(crate) use check_ranges;
