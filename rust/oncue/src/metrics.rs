@@ -244,7 +244,7 @@ pub struct SpeedFigures {
     pub fastest: f32,
 }
 
-/// Speed figures of a motion; `library` and `library_accelerations`: [`joint_turns`] and [`joint_accelerations`] of the
+/// Speed figures of a motion; `library` and `library_accelerations`: [`joint_turns`] and its twin for accelerations, of the
 /// library at 99.9 %.
 pub fn speed_figures(
     motion: &Motion,

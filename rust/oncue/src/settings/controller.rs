@@ -25,7 +25,7 @@ pub struct StateSettings {
 
 impl StateSettings {
     /// # Errors
-    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    /// [`crate::Error::Input`] naming the first value that is out of its range or not a number.
     pub fn validate(&self) -> Result<()> {
         check_ranges!(
             self,
@@ -84,7 +84,7 @@ pub struct SignalSettings {
 
 impl SignalSettings {
     /// # Errors
-    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    /// [`crate::Error::Input`] naming the first value that is out of its range or not a number.
     pub fn validate(&self) -> Result<()> {
         check_ranges!(
             self,
@@ -163,7 +163,7 @@ pub struct RewardSettings {
 
 impl RewardSettings {
     /// # Errors
-    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    /// [`crate::Error::Input`] naming the first value that is out of its range or not a number.
     pub fn validate(&self) -> Result<()> {
         check_ranges!(
             self,
@@ -235,7 +235,7 @@ pub struct TerminationSettings {
 
 impl TerminationSettings {
     /// # Errors
-    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    /// [`crate::Error::Input`] naming the first value that is out of its range or not a number.
     pub fn validate(&self) -> Result<()> {
         check_ranges!(
             self,

@@ -49,7 +49,7 @@ pub struct PpoSettings {
 
 impl PpoSettings {
     /// # Errors
-    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    /// [`crate::Error::Input`] naming the first value that is out of its range or not a number.
     pub fn validate(&self) -> Result<()> {
         check_ranges!(
             self,
@@ -126,7 +126,7 @@ pub struct KeptSettings {
 
 impl KeptSettings {
     /// # Errors
-    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    /// [`crate::Error::Input`] naming the first value that is out of its range or not a number.
     pub fn validate(&self) -> Result<()> {
         check_ranges!(
             self,
@@ -202,7 +202,7 @@ pub struct CostWeights {
 
 impl CostWeights {
     /// # Errors
-    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    /// [`crate::Error::Input`] naming the first value that is out of its range or not a number.
     pub fn validate(&self) -> Result<()> {
         const ANY: std::ops::RangeInclusive<f32> = 0.0..=1e6;
         check_ranges!(

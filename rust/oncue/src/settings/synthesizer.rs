@@ -30,7 +30,7 @@ pub struct SynthesizerSettings {
 
 impl SynthesizerSettings {
     /// # Errors
-    /// [`Error::Input`] naming the first value that is out of its range or not a number.
+    /// [`crate::Error::Input`] naming the first value that is out of its range or not a number.
     pub fn validate(&self) -> Result<()> {
         check_ranges!(
             self,
