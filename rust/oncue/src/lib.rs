@@ -34,6 +34,8 @@ pub mod settings;
 pub mod simd;
 pub mod synthesize;
 pub mod synthesizer;
+#[cfg(test)]
+mod test_world;
 
 pub use action::{ActionLabel, ActionType};
 pub use cue::{ActionCue, Hand, InitialState, ManipulationCue, Task};
