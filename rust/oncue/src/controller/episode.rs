@@ -735,9 +735,9 @@ mod tests {
                 .fold(f32::INFINITY, f32::min);
             let expected = ((free - least) / (free - narrow)).clamp(0.0, 1.0);
             close(environment.narrowness(&episode), expected, 0.05);
-            // By hand: about 0.3 m of room in the passage, half of the way from 0.4 to 0.2; free far from it.
+            // By hand: 0.25 to 0.3 m of room in the passage, half of the way or more from 0.4 to 0.2; free far from it.
             match (y, walks) {
-                (-2.0, _) => close(expected, 0.5, 0.2),
+                (-2.0, _) => close(expected, 0.65, 0.2),
                 (-0.4, true) => assert!(expected > 0.3),
                 _ => assert_eq!(expected, 0.0),
             }

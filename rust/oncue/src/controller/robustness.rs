@@ -167,7 +167,8 @@ mod tests {
 
     #[test]
     fn a_start_counts_when_enough_of_its_trials_met_the_cue() {
-        let world = World::stop_ahead(0.8);
+        let mut world = World::stop_ahead(0.8);
+        world.settings.termination.longest = 240;
         let (environment, policy) = (world.environment(), world.proposed());
         let run = |needed: usize| {
             let settings = RobustnessSettings { spacing: 1.5, trials: 3, needed, spread: 1.0 };
@@ -177,7 +178,7 @@ mod tests {
         assert_eq!(all.starts.len(), 16);
         let met: usize = all.starts.iter().map(|s| s.met).sum();
         assert!(met > 4 && all.starts.iter().all(|s| s.met + s.collisions + s.stalls <= 3), "{:?}", all.starts);
-        for needed in 1..=4 {
+        for needed in [1, 2] {
             let counts = all.starts.iter().filter(|s| s.met >= needed).count();
             close(run(needed).ratio, counts as f32 / 16.0, 1e-6);
         }

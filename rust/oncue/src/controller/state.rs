@@ -489,7 +489,7 @@ mod tests {
         assert!(accepted && exact.position < 0.1 && exact.direction < 0.02 && exact.height < 0.02, "{exact:?}");
         // Each limit by itself: just within it, and just beyond.
         let limits: [(&str, f32, &dyn Fn(&mut World, f32)); 4] = [
-            ("position", 0.30, &|w, x| w.task.cue.position.y += x),
+            ("position", 0.30, &|w, x| w.task.cue.position.x += x),
             ("direction", 0.5, &|w, x| w.task.cue.yaw += x),
             ("direction", 0.5, &|w, x| w.task.cue.yaw -= x),
             ("height", 0.08, &|w, x| w.task.cue.position.z += x),
@@ -509,9 +509,16 @@ mod tests {
             close(of(&far), 1.1 * limit, 0.05 * limit);
             close(of(&near), 0.9 * limit, 0.05 * limit);
         }
-        // And the transition.
-        let (other, accepted) = action(&|w| w.settings.synthesizer.refuse_posture = 0.9 * exact.posture - 1e-6);
-        assert!(!accepted && other.is_some(), "{other:?}");
+        // And the transition, of who comes walking: 1.2 m/s of feet, hands and head, and feet in the air.
+        let mut walks = Character::standing(database(), frame_of("walk", 5), Planar::new(Vec2::Y * 0.12, 0.0), 0.0);
+        (0..3).for_each(|_| walks.advance(database(), &Default::default()));
+        let mut world = World::stool();
+        let posture = look(&world, &walks).1.action.expect("a sit").posture;
+        assert!(posture > 0.3, "{posture}");
+        for (limit, accepted) in [(1.05 * posture, true), (0.95 * posture, false)] {
+            world.settings.synthesizer.refuse_posture = limit;
+            assert_eq!(look(&world, &walks).1.action.expect("a sit").accepted, accepted);
+        }
         // From farther than it reaches there is none to look for.
         assert!(action(&|w| w.task.cue.position.y += SITS_BACK + 0.7).0.is_none());
     }
@@ -598,10 +605,12 @@ mod tests {
         let mut world = World::new(&boxes, Planar::new(Vec2::new(2.0, 0.0), -FRAC_PI_2), cue);
         let way = world.environment().path.clone();
         assert!(way.from_the_side());
-        let arrival = way.arrival_at(Vec2::new(0.6, 0.0)).expect("a place to stand");
+        let end_from = |place| way.arrival_at(way.point_ahead(place, 2.0)).expect("a place to stand");
+        let arrival = end_from(end_from(Vec2::new(0.6, 0.0)).position);
         // There, facing the seat, what is proposed is to turn away from it.
         let here = Planar::new(arrival.position, arrival.yaw + 0.8);
         world.task.start.position = here.position.extend(0.0);
+        assert!(arrival.position.distance(end_from(arrival.position).position) < 0.1);
         let (state, observation) = look(&world, &standing(here));
         close(observation.proposal[TYPE_COUNT + 2], -0.8 / world.settings.signal.largest_turn, 0.02);
         close(state[PATH + 7], -0.8f32.sin(), 0.02);

@@ -85,7 +85,8 @@ mod tests {
         cue.position.z += 2.0;
         cue.yaw = 3.0;
         let mut alignment = Alignment::new(&cue);
-        // Ten frames before the end, in the middle of sinking, everything is missing at once.
+        // Ten frames before the end, long after it set in, everything is missing at once.
+        alignment.age = 20.0;
         let mut planar = Planar::default();
         alignment.step(database(), frame_of("sit", 40), &mut planar, 0.0);
         close(planar.position.length(), LARGEST_STEP, 1e-4);

@@ -380,7 +380,7 @@ mod tests {
             close(character.posture.root_position.z, STANDS + expected.offset.z, 1e-4);
             for joint in Joint::ALL {
                 let step = character.pose.position(joint).distance(last.position(joint));
-                assert!(step < 0.06, "{joint:?} {step}");
+                assert!(step < 0.08, "{joint:?} {step}");
             }
             last = character.pose;
         }
@@ -512,7 +512,14 @@ mod tests {
             assert_eq!(character.until_complete(database()), Some(SITS_IN));
             let mut last = character.planar;
             for ahead in (0..SITS_IN).rev() {
+                let contact = character.contact;
                 character.advance(database(), &NO_OFFSET);
+                for (side, toe) in Joint::TOES.into_iter().enumerate() {
+                    // No planted foot is dragged along.
+                    let slid = character.pose.position(toe).distance(character.before.position(toe));
+                    let planted = contact[side] == 1.0 && character.contact[side] == 1.0;
+                    assert!(!planted || slid < 1e-3, "{slid}");
+                }
                 assert_eq!(character.until_complete(database()), Some(ahead));
                 // Half a centimetre is the clip's own, more is led.
                 let step = character.planar.position.distance(last.position);
@@ -526,12 +533,6 @@ mod tests {
             // Once complete nothing is led any more.
             play(&mut character, 10);
             assert!(character.posture.root_position.distance(root) < 1e-4);
-            // Planted feet stayed where they stood.
-            for side in 0..2 {
-                let toe = character.pose.position(Joint::TOES[side]).truncate();
-                let stood = database().frames[frame_of("sit", 0)].toe[side].truncate();
-                assert!(toe.distance(stood) < 0.17 && (shift != Vec2::ZERO || toe.distance(stood) < 2e-3));
-            }
         }
         let here = at("sit", 0, Planar::default(), 0.0).posture.root_position;
         assert!(here.distance(Vec3::new(0.0, 0.0, STANDS)) < 1e-4 && SITS_BACK > 0.0 && SITS_AT < STANDS);
