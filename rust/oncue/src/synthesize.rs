@@ -279,7 +279,8 @@ mod tests {
     #[test]
     fn the_prior_comes_before_what_was_stored() {
         let mut settings = Settings::default();
-        let stored = StoredPolicy { origin: Default::default(), ..StoredPolicy::prior().expect("shipped").clone() };
+        let stored =
+            StoredPolicy { origin: Default::default(), ..StoredPolicy::prior().expect("shipped").clone() };
         let sources = |stored: Option<&StoredPolicy>, settings: &Settings| -> Vec<PolicySource> {
             policies_there(stored, settings).expect("a sound prior").iter().map(|p| p.1).collect()
         };
@@ -333,7 +334,9 @@ mod tests {
         let (mut before_was_better, mut after_was_better) = (0, 0);
         for seed in 0..8 {
             let played = |seed: u64| {
-                keep_motion(&world.environment(), &policy.policy, seed, &Progress::new()).expect("played").cost
+                keep_motion(&world.environment(), &policy.policy, seed, &Progress::new())
+                    .expect("played")
+                    .cost
             };
             let (before, after) = (played(seed), played(seed + AGAIN));
             let found = found(&world, &[(&policy, PolicySource::Stored)], seed);
@@ -440,7 +443,10 @@ mod tests {
             met,
         };
         assert_eq!(said(EpisodeEnd::Complete, &[residual(true)]), Vec::<String>::new());
-        assert_eq!(said(EpisodeEnd::Complete, &[residual(false)]), ["Cue 'There' was missed by 23 cm and 31°."]);
+        assert_eq!(
+            said(EpisodeEnd::Complete, &[residual(false)]),
+            ["Cue 'There' was missed by 23 cm and 31°."]
+        );
         let one = |end: EpisodeEnd, part: &str| {
             let said = said(end, &[residual(true)]);
             assert!(said.len() == 1 && said[0].contains(part), "{said:?}");
@@ -457,7 +463,10 @@ mod tests {
         ]);
         sits.task.cue.position = Vec3::new(0.0, 0.32, 0.54);
         let said = problems(EpisodeEnd::Stall, &[], &sits.scene, &sits.task);
-        assert!(said.len() == 1 && said[0].contains("0.42 m in front") && said[0].contains("0.48 m"), "{said:?}");
+        assert!(
+            said.len() == 1 && said[0].contains("0.42 m in front") && said[0].contains("0.48 m"),
+            "{said:?}"
+        );
         assert!(problems(EpisodeEnd::Complete, &[], &sits.scene, &sits.task).is_empty());
     }
 

@@ -379,8 +379,8 @@ fn mean_square_change(a: &Posture, b: &Posture) -> f32 {
 mod tests {
     use super::*;
     use crate::test_world::{
-        HALF_FLOOR, PACE, SITS_AT, SITS_BACK, SITS_IN, World, clip_of, close, database, decide, frame_of, stop_cue,
-        walk_on,
+        HALF_FLOOR, PACE, SITS_AT, SITS_BACK, SITS_IN, World, clip_of, close, database, decide, frame_of,
+        stop_cue, walk_on,
     };
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
@@ -390,7 +390,12 @@ mod tests {
     }
 
     /// Repeats one decision until the episode ends, at most so often.
-    fn repeat(environment: &Environment, episode: &mut Episode, draw: &Draw, times: usize) -> Option<EpisodeEnd> {
+    fn repeat(
+        environment: &Environment,
+        episode: &mut Episode,
+        draw: &Draw,
+        times: usize,
+    ) -> Option<EpisodeEnd> {
         let mut state = vec![0.0; environment.state_size()];
         (0..times).find_map(|_| {
             let observation = environment.observe(episode, &mut state);
@@ -405,11 +410,16 @@ mod tests {
 
     #[test]
     fn who_walks_over_any_edge_leaves_the_scene() {
-        for (direction, yaw) in [(Vec2::NEG_Y, 0.0), (Vec2::X, PI / 2.0), (Vec2::Y, PI), (Vec2::NEG_X, -PI / 2.0)] {
+        for (direction, yaw) in
+            [(Vec2::NEG_Y, 0.0), (Vec2::X, PI / 2.0), (Vec2::Y, PI), (Vec2::NEG_X, -PI / 2.0)]
+        {
             let world = walker(&[], Planar::new(direction * (HALF_FLOOR - 0.7), yaw));
             let environment = world.environment();
             let mut episode = begin(&environment);
-            assert_eq!(repeat(&environment, &mut episode, &walk_on(&world.settings), 20), Some(EpisodeEnd::LeftScene));
+            assert_eq!(
+                repeat(&environment, &mut episode, &walk_on(&world.settings), 20),
+                Some(EpisodeEnd::LeftScene)
+            );
             let place = episode.character.planar.position;
             // It ends on the first frame beyond the edge, and there was no other reason.
             assert!((HALF_FLOOR..HALF_FLOOR + PACE + 1e-3).contains(&place.dot(direction)), "{place}");
@@ -435,7 +445,10 @@ mod tests {
         {
             let environment = world.environment();
             let mut episode = begin(&environment);
-            assert_eq!(repeat(&environment, &mut episode, &walk_on(&world.settings), 20), Some(EpisodeEnd::Collision));
+            assert_eq!(
+                repeat(&environment, &mut episode, &walk_on(&world.settings), 20),
+                Some(EpisodeEnd::Collision)
+            );
             let (tally, y) = (&episode.tally, episode.character.planar.position.y);
             // Five frames and their way after the body first touches.
             assert!((-1.4..-0.9).contains(&y), "{y}");
@@ -457,7 +470,10 @@ mod tests {
         let environment = world.environment();
         let mut episode = begin(&environment);
         // In a plate at the height of the pelvis from the first frame: r_coli is hardly anything in each.
-        assert_eq!(repeat(&environment, &mut episode, &decide(&world.settings, ActionType::Walk, [0.0; 3]), 9), Some(EpisodeEnd::Collision));
+        assert_eq!(
+            repeat(&environment, &mut episode, &decide(&world.settings, ActionType::Walk, [0.0; 3]), 9),
+            Some(EpisodeEnd::Collision)
+        );
         assert_eq!((episode.tally.frames, episode.tally.touching), (5, 5));
         let coli = episode.collisions[0];
         assert!(coli > 0.0 && coli < 0.4, "{coli}");
@@ -465,7 +481,15 @@ mod tests {
         let mut world = world;
         world.settings.termination.collision = coli;
         let environment = world.environment();
-        assert_eq!(repeat(&environment, &mut begin(&environment), &decide(&world.settings, ActionType::Walk, [0.0; 3]), 3), None);
+        assert_eq!(
+            repeat(
+                &environment,
+                &mut begin(&environment),
+                &decide(&world.settings, ActionType::Walk, [0.0; 3]),
+                3
+            ),
+            None
+        );
     }
 
     #[test]
@@ -485,7 +509,11 @@ mod tests {
         for (step, end) in [(1.02 * PACE, Some(EpisodeEnd::Stall)), (0.5 * PACE, None)] {
             world.settings.termination.stall_step = step;
             let environment = world.environment();
-            assert_eq!(repeat(&environment, &mut begin(&environment), &walk_on(&world.settings), 6), end, "{step}");
+            assert_eq!(
+                repeat(&environment, &mut begin(&environment), &walk_on(&world.settings), 6),
+                end,
+                "{step}"
+            );
         }
     }
 
@@ -495,7 +523,10 @@ mod tests {
         world.settings.termination.longest = 34;
         let environment = world.environment();
         let mut episode = begin(&environment);
-        assert_eq!(repeat(&environment, &mut episode, &walk_on(&world.settings), 20), Some(EpisodeEnd::TooLong));
+        assert_eq!(
+            repeat(&environment, &mut episode, &walk_on(&world.settings), 20),
+            Some(EpisodeEnd::TooLong)
+        );
         assert_eq!(episode.tally.frames, 34);
     }
 
@@ -558,7 +589,10 @@ mod tests {
         let frames = motion.len();
         let own = database().frames[0].posture.rotations[Joint::LeftForeArm.index()];
         let turned = |frame: usize| {
-            crate::math::rotation::angle_between(motion.postures[frame].rotations[Joint::LeftForeArm.index()], own)
+            crate::math::rotation::angle_between(
+                motion.postures[frame].rotations[Joint::LeftForeArm.index()],
+                own,
+            )
         };
         // Half a radian until 30 frames before the end, and nothing over the last few.
         let begin = (0..frames).map(turned).fold(0.0, f32::max);
@@ -632,7 +666,8 @@ mod tests {
         let (_, _, reward) = only(&|r| r.time_cost = 0.3);
         close(reward, -0.3, 1e-6);
         // A transition that shows takes its share of all.
-        let (_, episode, reward) = only(&|r| (r.time_cost, r.transition_rate, r.velocity_rate) = (0.3, 2.0, 2.0));
+        let (_, episode, reward) =
+            only(&|r| (r.time_cost, r.transition_rate, r.velocity_rate) = (0.3, 2.0, 2.0));
         close(reward, -0.3 * (-2.0 * episode.tally.transition).exp(), 1e-5);
         assert_eq!(episode.tally.transitions, 1);
         assert_eq!(episode.tally.transition, episode.tally.worst_transition);
@@ -651,8 +686,10 @@ mod tests {
         for (turn, clip) in [(1.2f32, "left"), (-1.2, "right")] {
             let mut turning = episode.clone();
             let before = turning.tally;
-            let goal = Vec2::new(0.75 * (1.0 - 1.2f32.cos()) * turn.signum(), -0.75 * 1.2f32.sin()) / settings.signal.reach;
-            let draw = decide(settings, ActionType::Walk, [goal.x, goal.y, turn / settings.signal.largest_turn]);
+            let goal = Vec2::new(0.75 * (1.0 - 1.2f32.cos()) * turn.signum(), -0.75 * 1.2f32.sin())
+                / settings.signal.reach;
+            let draw =
+                decide(settings, ActionType::Walk, [goal.x, goal.y, turn / settings.signal.largest_turn]);
             repeat(&environment, &mut turning, &draw, 2);
             assert_eq!(clip_of(turning.character.frame), clip);
             let tally = turning.tally;
@@ -767,7 +804,10 @@ mod tests {
     #[test]
     fn episodes_begin_where_they_should() {
         let world = walker(&[([-3.0, -3.0, 0.0], [0.0, 3.0, 2.0])], Planar::new(Vec2::new(1.0, 2.0), 0.7));
-        let world = World { task: crate::cue::Task { cue: stop_cue(Vec2::new(2.0, 0.0), 0.0), ..world.task }, ..world };
+        let world = World {
+            task: crate::cue::Task { cue: stop_cue(Vec2::new(2.0, 0.0), 0.0), ..world.task },
+            ..world
+        };
         let environment = world.environment();
         let mut rng = Pcg64::seed_from_u64(5);
         let own = environment.begin(&mut rng);

@@ -159,7 +159,9 @@ mod tests {
         let mut world = World::stop_ahead(0.9);
         world.settings.ppo.updates = 0;
         let policy = |seed: u64| {
-            optimize_policy(&[world.environment()], None, seed, &Progress::new()).expect("not cancelled").policy
+            optimize_policy(&[world.environment()], None, seed, &Progress::new())
+                .expect("not cancelled")
+                .policy
         };
         assert_eq!(policy(1), policy(1));
         assert_ne!(policy(1), policy(2));

@@ -177,7 +177,11 @@ mod tests {
         let all = run(1);
         assert_eq!(all.starts.len(), 16);
         let met: usize = all.starts.iter().map(|s| s.met).sum();
-        assert!(met > 4 && all.starts.iter().all(|s| s.met + s.collisions + s.stalls <= 3), "{:?}", all.starts);
+        assert!(
+            met > 4 && all.starts.iter().all(|s| s.met + s.collisions + s.stalls <= 3),
+            "{:?}",
+            all.starts
+        );
         for needed in [1, 2] {
             let counts = all.starts.iter().filter(|s| s.met >= needed).count();
             close(run(needed).ratio, counts as f32 / 16.0, 1e-6);

@@ -214,7 +214,12 @@ mod tests {
             assert_eq!(tuples.last_states.len(), environments * size);
             assert_eq!(tuples.proposals.len(), 2 * environments * width);
             assert_eq!(tuples.vectors.len(), 2 * environments * (width - TYPE_COUNT));
-            let lengths = [tuples.allowed.len(), tuples.types.len(), tuples.log_probabilities.len(), tuples.ended.len()];
+            let lengths = [
+                tuples.allowed.len(),
+                tuples.types.len(),
+                tuples.log_probabilities.len(),
+                tuples.ended.len(),
+            ];
             assert_eq!(lengths, [2 * environments; 4]);
             assert_eq!(tuples.episodes.len(), tuples.ended.iter().filter(|e| **e).count());
             assert!(tuples.types.iter().zip(&tuples.allowed).all(|(t, allowed)| allowed[*t]));

@@ -124,7 +124,8 @@ mod tests {
         let goal = Vec2::new(0.4, -0.8);
         for (future, s) in signal.future.iter().zip([1.0f32 / 3.0, 2.0 / 3.0, 1.0]) {
             // Hermite's cubic: from 0 with the velocity to the goal with the goal's.
-            let (h01, h10, h11) = (3.0 * s * s - 2.0 * s.powi(3), s - 2.0 * s * s + s.powi(3), s.powi(3) - s * s);
+            let (h01, h10, h11) =
+                (3.0 * s * s - 2.0 * s.powi(3), s - 2.0 * s * s + s.powi(3), s.powi(3) - s * s);
             let expected = goal * (h01 + h11) + Vec2::new(0.6, 0.0) * h10;
             assert!(future.position.distance(expected) < 1e-5, "{future:?} {expected}");
             assert!((future.yaw - 1.1 * s * (2.0 - s)).abs() < 1e-5);
@@ -137,13 +138,16 @@ mod tests {
 
     #[test]
     fn points_face_along_their_path() {
-        let settings = SignalSettings { future_form: FutureForm::Points, reach: 2.0, ..SignalSettings::default() };
+        let settings =
+            SignalSettings { future_form: FutureForm::Points, reach: 2.0, ..SignalSettings::default() };
         assert_eq!((settings.future_size(), settings.vector_size()), (6, 18));
         let mut vector = vec![0.0; 18];
         vector[..6].copy_from_slice(&[0.2, 0.0, 0.21, 0.0, 0.21, -0.4]);
         let future = settings.decode(ActionType::Walk, &vector, Vec2::ZERO).future;
         // To +X, which one faces turned by a quarter; 2 cm on the spot; then to -Y.
-        for (point, (x, y, yaw)) in future.iter().zip([(0.4, 0.0, PI / 2.0), (0.42, 0.0, PI / 2.0), (0.42, -0.8, 0.0)]) {
+        for (point, (x, y, yaw)) in
+            future.iter().zip([(0.4, 0.0, PI / 2.0), (0.42, 0.0, PI / 2.0), (0.42, -0.8, 0.0)])
+        {
             assert!(point.position.distance(Vec2::new(x, y)) < 1e-5);
             assert!((point.yaw - yaw).abs() < 1e-5, "{point:?}");
         }
@@ -156,7 +160,8 @@ mod tests {
 
     #[test]
     fn arms_turn_as_far_as_allowed() {
-        let mut settings = SignalSettings { offset_scale: 0.5, largest_offset: 0.8, ..SignalSettings::default() };
+        let mut settings =
+            SignalSettings { offset_scale: 0.5, largest_offset: 0.8, ..SignalSettings::default() };
         let mut vector = vec![0.0; settings.vector_size()];
         vector[3..9].copy_from_slice(&[0.4, -1.0, 9.0, -9.0, 0.2, 0.0]);
         let offset = settings.decode(ActionType::Walk, &vector, Vec2::ZERO).posture_offset;

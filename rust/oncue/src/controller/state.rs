@@ -460,7 +460,8 @@ mod tests {
         close(s[7], 0.4f32.sin(), 1e-5);
         close(s[8], 0.4f32.cos(), 1e-5);
         // Where no way leads the points are where one stands.
-        let world = World::new(&[([-0.2, -3.0, 0.0], [0.2, 3.0, 2.0])], here, stop_cue(Vec2::new(2.0, 0.5), 0.0));
+        let world =
+            World::new(&[([-0.2, -3.0, 0.0], [0.2, 3.0, 2.0])], here, stop_cue(Vec2::new(2.0, 0.5), 0.0));
         let (state, _) = look(&world, &standing(here));
         assert_eq!(state[PATH], 3.0);
         assert!(state[PATH + 1..PATH + 7].iter().all(|v| v.abs() < 1e-6));
@@ -486,7 +487,10 @@ mod tests {
         };
         let (exact, accepted) = action(&|_| ());
         let exact = exact.expect("a sit");
-        assert!(accepted && exact.position < 0.1 && exact.direction < 0.02 && exact.height < 0.02, "{exact:?}");
+        assert!(
+            accepted && exact.position < 0.1 && exact.direction < 0.02 && exact.height < 0.02,
+            "{exact:?}"
+        );
         // Each limit by itself: just within it, and just beyond.
         let limits: [(&str, f32, &dyn Fn(&mut World, f32)); 4] = [
             ("position", 0.30, &|w, x| w.task.cue.position.x += x),
@@ -510,7 +514,8 @@ mod tests {
             close(of(&near), 0.9 * limit, 0.05 * limit);
         }
         // And the transition, of who comes walking: 1.2 m/s of feet, hands and head, and feet in the air.
-        let mut walks = Character::standing(database(), frame_of("walk", 5), Planar::new(Vec2::Y * 0.12, 0.0), 0.0);
+        let mut walks =
+            Character::standing(database(), frame_of("walk", 5), Planar::new(Vec2::Y * 0.12, 0.0), 0.0);
         (0..3).for_each(|_| walks.advance(database(), &Default::default()));
         let mut world = World::stool();
         let posture = look(&world, &walks).1.action.expect("a sit").posture;

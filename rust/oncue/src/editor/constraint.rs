@@ -323,14 +323,20 @@ mod tests {
         assert!(check(turn(0.79)).is_ok());
         let said = check(turn(0.81)).unwrap_err().to_string();
         assert!(said.contains("46° between frames 3 and 4") && said.contains("at most 46°"), "{said}");
-        let scaled = |length: f32| Constraint { rotations: vec![Quat::IDENTITY * length], ..hand("Q", 3, &[]) };
-        assert!(check(scaled(1.009)).is_ok() && check(scaled(1.011)).is_err() && check(scaled(0.98)).is_err());
-        let faces = |joint: Joint, facing: f32| Constraint { joint, facings: vec![facing], ..hand("F", 3, &[]) };
+        let scaled =
+            |length: f32| Constraint { rotations: vec![Quat::IDENTITY * length], ..hand("Q", 3, &[]) };
+        assert!(
+            check(scaled(1.009)).is_ok() && check(scaled(1.011)).is_err() && check(scaled(0.98)).is_err()
+        );
+        let faces =
+            |joint: Joint, facing: f32| Constraint { joint, facings: vec![facing], ..hand("F", 3, &[]) };
         assert!(check(faces(Joint::Hips, 1.0)).is_ok() && check(faces(Joint::Hips, f32::NAN)).is_err());
         assert!(check(faces(Joint::Head, 1.0)).unwrap_err().to_string().contains("only the Hips"));
         assert!(check(Constraint { offset: Vec3::NAN, ..hand("O", 3, &[Vec3::ZERO]) }).is_err());
         // The last frame there is.
-        assert!(check(hand("End", 19, &[Vec3::ZERO])).is_ok() && check(hand("End", 20, &[Vec3::ZERO])).is_err());
+        assert!(
+            check(hand("End", 19, &[Vec3::ZERO])).is_ok() && check(hand("End", 20, &[Vec3::ZERO])).is_err()
+        );
         // One of two lists may be left out, and none may be shorter.
         let both = Constraint { rotations: vec![Quat::IDENTITY; 2], ..hand("Both", 3, &[Vec3::ZERO; 2]) };
         assert!(check(both.clone()).is_ok());
@@ -343,7 +349,8 @@ mod tests {
         let pair = |a: Constraint, b: Constraint| check_constraints(&motion, &[a, b]);
         let at = |x: f32| hand("A", 3, &[Vec3::X * x]);
         assert!(pair(at(0.0), at(0.0009)).is_ok() && pair(at(0.0), at(0.0011)).is_err());
-        let turned = |angle: f32| Constraint { rotations: vec![Quat::from_rotation_x(angle)], ..hand("T", 3, &[]) };
+        let turned =
+            |angle: f32| Constraint { rotations: vec![Quat::from_rotation_x(angle)], ..hand("T", 3, &[]) };
         assert!(pair(turned(0.0), turned(0.0049)).is_ok());
         let said = pair(turned(0.0), turned(0.5)).unwrap_err().to_string();
         assert!(said.contains("LeftHand on frame 3, 29° apart"), "{said}");

@@ -591,7 +591,12 @@ mod tests {
 
     #[test]
     fn a_reach_takes_its_time() {
-        let s = EditorSettings { reach_seconds: 0.6, reach_seconds_per_metre: 0.3, blend_seconds: 0.7, ..settings() };
+        let s = EditorSettings {
+            reach_seconds: 0.6,
+            reach_seconds_per_metre: 0.3,
+            blend_seconds: 0.7,
+            ..settings()
+        };
         // 0.6 + 0.3 · 1 s, and never less than the blend.
         assert_eq!((reach_frames(1.0, &s), reach_frames(0.0, &s), reach_frames(2.0, &s)), (27, 21, 36));
     }
@@ -671,7 +676,10 @@ mod tests {
         let mut expected = Vec::new();
         expected.extend((19..30).map(|f| (f, 1.0 - ease((30 - f) as f32 / 12.0))));
         expected.extend((32..43).map(|f| (f, 1.0 - ease((f - 31) as f32 / 12.0))));
-        assert_eq!(ways.iter().map(|w| w.0).collect::<Vec<_>>(), expected.iter().map(|e| e.0).collect::<Vec<_>>());
+        assert_eq!(
+            ways.iter().map(|w| w.0).collect::<Vec<_>>(),
+            expected.iter().map(|e| e.0).collect::<Vec<_>>()
+        );
         for ((_, joint, moved), (frame, share)) in ways.iter().zip(expected) {
             assert_eq!(*joint, Joint::LeftHand);
             assert!(moved.distance(away * share) < 1e-4, "{frame}: {moved} {share}");
@@ -701,7 +709,11 @@ mod tests {
         // Where the two overlap what is left of both adds up; feet and wishes have no such way.
         let c = both(61);
         close(at(&c, 42), -0.5 * (1.0 - least_jerk(19.0 / 18.0)), 1e-4);
-        close(at(&c, 44), -0.5 * (1.0 - least_jerk(17.0 / 18.0)) - 0.3 * (1.0 - least_jerk(14.0 / 12.0)), 1e-4);
+        close(
+            at(&c, 44),
+            -0.5 * (1.0 - least_jerk(17.0 / 18.0)) - 0.3 * (1.0 - least_jerk(14.0 / 12.0)),
+            1e-4,
+        );
         let foot = Constraint { joint: Joint::LeftFoot, ..hand(30, &[Vec3::ZERO]) };
         let wish = Constraint { soft: true, ..hand(30, &[near(a)]) };
         let c = [foot, wish];
@@ -764,11 +776,15 @@ mod tests {
         let refused = |by: Vec3| {
             let c = [hand(20, &[near(by); 3])];
             let edit = Edit::new(&motion, &c, 0.0, &s);
-            edit.check_reach(&c, &Progress::new()).map_err(|e| (e.to_string(), matches!(e, Error::Unreachable(_))))
+            edit.check_reach(&c, &Progress::new())
+                .map_err(|e| (e.to_string(), matches!(e, Error::Unreachable(_))))
         };
         assert!(refused(Vec3::new(0.0, -0.4, 0.3)).is_ok());
         let (said, unreachable) = refused(Vec3::new(0.0, -1.6, 0.4)).unwrap_err();
-        assert!(unreachable && said.contains("‘Lid’") && said.contains("out of reach of the LeftHand"), "{said}");
+        assert!(
+            unreachable && said.contains("‘Lid’") && said.contains("out of reach of the LeftHand"),
+            "{said}"
+        );
         assert!(said.contains("towards the character") && said.contains("frame 2"), "{said}");
         let (said, _) = refused(Vec3::new(1.8, 0.0, 0.6)).unwrap_err();
         assert!(said.contains("m to the character's right"), "{said}");
@@ -787,7 +803,10 @@ mod tests {
     #[test]
     fn directions_are_the_characters() {
         assert_eq!(directions(0.0, 0.3, 0.0), "0.30 m away from the character");
-        assert_eq!(directions(0.1, -0.3, 0.0), "0.30 m towards the character and 0.10 m to the character's left");
+        assert_eq!(
+            directions(0.1, -0.3, 0.0),
+            "0.30 m towards the character and 0.10 m to the character's left"
+        );
         assert_eq!(directions(-0.2, 0.0, -0.4), "0.40 m down and 0.20 m to the character's right");
         // What is less than a quarter of the longest, or than a centimetre, is not worth a word.
         assert_eq!(directions(0.07, 0.3, 0.08), "0.30 m away from the character and 0.08 m up");
@@ -821,17 +840,25 @@ mod tests {
         let (stands, sits) = (terms(&[], 0), terms(&[], 35));
         assert_eq!(root(&stands), Some(Vec3::new(0.05, 0.05, 0.06)));
         assert_eq!(root(&sits), Some(Vec3::splat(2e-3)));
-        assert_eq!((balance(&stands), balance(&sits), balance(&terms(&[], 10))), (Some(BALANCE), None, Some(f32::INFINITY)));
+        assert_eq!(
+            (balance(&stands), balance(&sits), balance(&terms(&[], 10))),
+            (Some(BALANCE), None, Some(f32::INFINITY))
+        );
         // Hands of who sits rest in place, arms of who stands hang; the head stays upright.
-        let rests = |t: &[Term], hand: Joint| count(t, |t| matches!(t, Term::Point { joint, .. } if *joint == hand));
-        let hangs = |t: &[Term], of: Joint| count(t, |t| matches!(t, Term::Turn { joint, .. } if *joint == of));
+        let rests =
+            |t: &[Term], hand: Joint| count(t, |t| matches!(t, Term::Point { joint, .. } if *joint == hand));
+        let hangs =
+            |t: &[Term], of: Joint| count(t, |t| matches!(t, Term::Turn { joint, .. } if *joint == of));
         assert_eq!((rests(&stands, Joint::LeftHand), rests(&sits, Joint::LeftHand)), (0, 1));
         assert_eq!((hangs(&stands, Joint::LeftArm), hangs(&sits, Joint::LeftArm)), (1, 0));
         assert_eq!((hangs(&stands, Joint::Head), hangs(&stands, Joint::RightArm)), (1, 1));
         // What is asked for is free of that, on its frames and on others.
         let c = [hand(20, &[Vec3::ONE]), Constraint { joint: Joint::Neck, ..hand(20, &[Vec3::ONE]) }];
         let asked = terms(&c, 0);
-        assert_eq!((hangs(&asked, Joint::LeftArm), hangs(&asked, Joint::Head), hangs(&asked, Joint::RightArm)), (0, 0, 1));
+        assert_eq!(
+            (hangs(&asked, Joint::LeftArm), hangs(&asked, Joint::Head), hangs(&asked, Joint::RightArm)),
+            (0, 0, 1)
+        );
         assert_eq!((rests(&asked, Joint::LeftHand), rests(&terms(&c, 20), Joint::LeftHand)), (0, 1));
         // A pelvis that is asked to be somewhere is held by that alone, and needs no balance.
         let c = [Constraint {
@@ -843,7 +870,10 @@ mod tests {
         assert_eq!((root(&pelvis), balance(&pelvis)), (Some(Vec3::splat(0.25)), None));
         let hard = |t: &Term| matches!(t, Term::Point { sigma, target, .. } if *target == Vec3::ONE && sigma.x == HARD.0);
         assert_eq!(count(&pelvis, hard), 1);
-        assert_eq!(count(&pelvis, |t| matches!(t, Term::Facing { yaw, sigma } if *yaw == 0.7 && *sigma == HARD.1)), 1);
+        assert_eq!(
+            count(&pelvis, |t| matches!(t, Term::Facing { yaw, sigma } if *yaw == 0.7 && *sigma == HARD.1)),
+            1
+        );
         let soft = [Constraint { soft: true, ..c[0].clone() }];
         let wish = |t: &Term| matches!(t, Term::Point { sigma, target, .. } if *target == Vec3::ONE && sigma.x == SOFT.0);
         assert_eq!(count(&terms(&soft, 5), wish), 1);

@@ -99,7 +99,13 @@ mod tests {
                 assert!((new[0].toe - old[0].toe).distance(moved) < 1e-6, "{frame}");
                 let flies = weight > 0.0;
                 assert_eq!(new[0].planted, !flies && !(8..10).contains(&frame), "{frame}");
-                let sigma = if (8..10).contains(&frame) { 0.3 } else if flies { 0.02 } else { 0.01 };
+                let sigma = if (8..10).contains(&frame) {
+                    0.3
+                } else if flies {
+                    0.02
+                } else {
+                    0.01
+                };
                 close(new[0].sigma, sigma, 1e-6);
             }
         }
@@ -121,7 +127,8 @@ mod tests {
             assert!(unmoved(&before, &plan));
         }
         // A hand, a thigh and a wish leave the feet alone.
-        for (joint, soft) in [(Joint::RightHand, false), (Joint::RightUpLeg, false), (Joint::RightFoot, true)] {
+        for (joint, soft) in [(Joint::RightHand, false), (Joint::RightUpLeg, false), (Joint::RightFoot, true)]
+        {
             let (before, plan) = followed(joint, Some(Vec3::X * 0.3), soft);
             assert_eq!(free(&plan, 1), 0);
             assert!(unmoved(&before, &plan));

@@ -691,7 +691,11 @@ mod tests {
             let p = &found.postures[f];
             assert!((p.root_position.x - 0.1).abs() < 1e-5, "{}", p.root_position);
             let at_an_end = !(19..41).contains(&f);
-            assert!(p.root_position.y.abs() < if at_an_end { 6e-3 } else { 1e-4 }, "{f}: {}", p.root_position.y);
+            assert!(
+                p.root_position.y.abs() < if at_an_end { 6e-3 } else { 1e-4 },
+                "{f}: {}",
+                p.root_position.y
+            );
             let turn = to_angle_axis(p.rotations[6]);
             assert!((turn.x - 0.2).abs() < 6e-3 && turn.y.abs() + turn.z.abs() < 1e-5);
         }
@@ -735,7 +739,8 @@ mod tests {
             rotation: Some(Mat3::from_rotation_y(turn)),
         };
         let settings = EditorSettings::default();
-        let targets = vec![target(3, Vec3::X * 0.03, 0.0), target(5, Vec3::ZERO, 0.3), target(9, Vec3::X * 0.01, 0.1)];
+        let targets =
+            vec![target(3, Vec3::X * 0.03, 0.0), target(5, Vec3::ZERO, 0.3), target(9, Vec3::X * 0.01, 0.1)];
         let root = motion.postures.iter().map(|p| p.root_position.truncate()).collect();
         let loss = Loss { targets, feet: places(&motion), root, x, settings: &settings };
         let miss = loss.miss(&kinematics);

@@ -385,12 +385,16 @@ mod tests {
             assert_eq!((is_still(&motion, 9, 0.0), is_still(&motion, 14, 0.0)), (still, true), "{step}");
         }
         // A foot that moves, or one that does not stand.
-        let turned = moved(10, &|m, f| m.postures[f].rotations[Joint::LeftUpLeg.index()] = glam::Quat::from_rotation_x(0.9));
+        let turned = moved(10, &|m, f| {
+            m.postures[f].rotations[Joint::LeftUpLeg.index()] = glam::Quat::from_rotation_x(0.9)
+        });
         assert!(!is_still(&turned, 10, 0.0));
         let lifted = moved(0, &|m, f| m.contacts[f][1] = 0.5);
         assert!(!is_still(&lifted, 10, 0.0));
         // But who sits needs no foot on the floor.
-        let seated = moved(0, &|m, f| (m.postures[f], m.contacts[f]) = (person(Planar::default(), 0.55, 0.3), [0.0; 2]));
+        let seated = moved(0, &|m, f| {
+            (m.postures[f], m.contacts[f]) = (person(Planar::default(), 0.55, 0.3), [0.0; 2])
+        });
         assert!(is_still(&seated, 10, 0.0) && !is_still(&seated, 10, -0.5));
     }
 
@@ -398,7 +402,8 @@ mod tests {
     fn hands_hold_with_their_palms() {
         // Facing +X: the left hand is at +Y.
         let mut motion = still(5);
-        motion.postures[2] = motion.postures[2].moved(Planar::default(), Planar::new(glam::Vec2::ZERO, 1.570_796_4));
+        motion.postures[2] =
+            motion.postures[2].moved(Planar::default(), Planar::new(glam::Vec2::ZERO, 1.570_796_4));
         let of = |hand: Hand| constraints(&motion, 2, &ManipulationCue { hand, ..cue(None, &[HERE, HERE]) });
         let left = of(Hand::Left);
         assert_eq!((left.len(), left[0].joint, left[0].frames()), (1, Joint::LeftHand, 2..4));
@@ -416,7 +421,8 @@ mod tests {
         let path: Vec<Vec3> = (0..6).map(|i| HERE + Vec3::Z * 0.01 * i as f32).collect();
         let cues = [cue(None, &path)];
         let s = settings();
-        let done = manipulate(None::<&Manifold>, &motion, &cues, None, 0.0, &s, &Progress::new()).expect("done");
+        let done =
+            manipulate(None::<&Manifold>, &motion, &cues, None, 0.0, &s, &Progress::new()).expect("done");
         let first = done.cues[0].first_frame;
         assert_eq!((done.cues[0].frames, done.cues[0].name.as_str(), first), (6, "Rail", 35));
         for (i, place) in path.iter().enumerate() {
@@ -436,13 +442,17 @@ mod tests {
         let mut world = World::stool();
         let seat = world.task.cue.position;
         let mut at = |first: Option<usize>, away: f32| {
-            world.task.manipulations = vec![cue(first, &[seat + Vec3::Z * 0.2, seat + Vec3::Z * 0.3, seat + Vec3::X * away])];
+            world.task.manipulations =
+                vec![cue(first, &[seat + Vec3::Z * 0.2, seat + Vec3::Z * 0.3, seat + Vec3::X * away])];
             world.task.manipulations[0].path.drain(..2);
             check_manipulations(&world.task)
         };
         assert!(at(None, 1.32).is_ok());
         let error = at(None, 1.43).unwrap_err();
-        assert!(matches!(error, Error::Unreachable(_)) && error.to_string().contains("0.10 m farther"), "{error}");
+        assert!(
+            matches!(error, Error::Unreachable(_)) && error.to_string().contains("0.10 m farther"),
+            "{error}"
+        );
         // On the way the pelvis is elsewhere.
         assert!(at(Some(4), 1.43).is_ok());
         // Of a stop the pelvis is as high as one stands.
@@ -452,7 +462,11 @@ mod tests {
             world.task.manipulations = vec![cue(None, &[pelvis + Vec3::Z * up])];
             assert_eq!(check_manipulations(&world.task).is_ok(), fine, "{up}");
         }
-        for (path, part) in [(vec![], "no path"), (vec![Vec3::NAN], "not a number"), (vec![pelvis, pelvis + Vec3::X], "jumps")] {
+        for (path, part) in [
+            (vec![], "no path"),
+            (vec![Vec3::NAN], "not a number"),
+            (vec![pelvis, pelvis + Vec3::X], "jumps"),
+        ] {
             world.task.manipulations = vec![cue(None, &path)];
             let said = check_manipulations(&world.task).unwrap_err().to_string();
             assert!(said.contains(part), "{said}");

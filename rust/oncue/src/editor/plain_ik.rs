@@ -96,7 +96,12 @@ mod tests {
         let hand = motion.postures[0].pose().position(Joint::LeftHand);
         let place = hand + Vec3::new(0.05, -0.2, 0.25);
         let c = [Constraint::positions("Lid", Joint::LeftHand, 30, vec![place; 2])];
-        let settings = EditorSettings { blend_seconds: 0.3, reach_seconds: 0.1, reach_seconds_per_metre: 0.0, ..Default::default() };
+        let settings = EditorSettings {
+            blend_seconds: 0.3,
+            reach_seconds: 0.1,
+            reach_seconds_per_metre: 0.0,
+            ..Default::default()
+        };
         let edited = plain_ik(&motion, &c, &settings, &Progress::new()).expect("done");
         assert!(edited.figures.constraints[0].met, "{:?}", edited.figures.constraints);
         assert_eq!((edited.figures.first_frame, edited.figures.end_frame), (21, 41));
@@ -112,7 +117,10 @@ mod tests {
         close(gone(30), 1.0, 0.01);
         close(gone(31), 1.0, 0.01);
         for (before, after) in motion.postures.iter().zip(&edited.motion.postures) {
-            assert_eq!((before.root_position, before.rotations[0]), (after.root_position, after.rotations[0]));
+            assert_eq!(
+                (before.root_position, before.rotations[0]),
+                (after.root_position, after.rotations[0])
+            );
             let leg = Joint::LeftLeg.index();
             assert!(before.rotations[leg].dot(after.rotations[leg]) > 0.999_999);
         }

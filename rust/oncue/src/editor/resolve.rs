@@ -154,7 +154,8 @@ mod tests {
         let arm = Joint::LeftArm.index();
         let own = motion.postures[20].rotations[arm];
         motion.postures[20].rotations[arm] = Quat::from_rotation_y(-0.5) * own;
-        let edited = resolved(&motion, &[key(Joint::LeftArm, 20), key(Joint::LeftArm, 20)], &[]).expect("done").motion;
+        let edited =
+            resolved(&motion, &[key(Joint::LeftArm, 20), key(Joint::LeftArm, 20)], &[]).expect("done").motion;
         assert_eq!(edited.postures[20].rotations[arm], motion.postures[20].rotations[arm]);
         let turned = |frame: usize| angle_between(edited.postures[frame].rotations[arm], own);
         assert!(turned(19) > 0.2 && turned(21) > 0.2, "{} {}", turned(19), turned(21));

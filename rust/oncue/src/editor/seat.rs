@@ -500,7 +500,10 @@ mod tests {
         close(ankle(61, 0).y - own(0).y, -0.04, 6e-3);
         assert!((53..70).all(|f| fit.motion.contacts[f][0] == 0.0 && fit.motion.contacts[f][1] == 1.0));
         assert_eq!(fit.motion.contacts[72], [1.0, 1.0]);
-        assert!(ankle(52, 0).with_z(0.0).distance(own(0)) < 5e-3 && ankle(61, 1).with_z(0.0).distance(own(1)) < 5e-3);
+        assert!(
+            ankle(52, 0).with_z(0.0).distance(own(0)) < 5e-3
+                && ankle(61, 1).with_z(0.0).distance(own(1)) < 5e-3
+        );
         // Out of reach.
         cue.feet = [Some(own(0) + Vec3::new(0.0, -0.9, 0.0)), None];
         let error = seat(&motion, &cue, &s).fit(None::<&Manifold>, &Progress::new()).unwrap_err();
@@ -604,7 +607,9 @@ mod tests {
         // A board of 20 cm to the left of the feet.
         let scene = room(&[([0.25, -0.5, 0.0], [0.27, 0.3, 0.2])]);
         let seat = Seat { scene: Some(&scene), ..seat(&motion, &cue, &s) };
-        assert!(seat.is_free(&motion, 40, 0, Vec3::X * 0.05) && !seat.is_free(&motion, 40, 0, Vec3::X * 0.15));
+        assert!(
+            seat.is_free(&motion, 40, 0, Vec3::X * 0.05) && !seat.is_free(&motion, 40, 0, Vec3::X * 0.15)
+        );
         assert!(seat.is_free(&motion, 40, 0, Vec3::X * -0.1));
         assert!(seat.is_free(&motion, 40, 1, Vec3::X * 0.15));
         let none = Seat { scene: None, ..seat };
@@ -659,7 +664,8 @@ mod tests {
         motion.postures[52].rotations[0] = Quat::from_rotation_z(0.1);
         motion.postures[10].root_position.x += 1.0;
         let foot = Joint::LeftFoot.index();
-        motion.postures[59].rotations[foot] = Quat::from_rotation_x(0.2) * motion.postures[59].rotations[foot];
+        motion.postures[59].rotations[foot] =
+            Quat::from_rotation_x(0.2) * motion.postures[59].rotations[foot];
         let ankle = motion.postures[59].pose().position(Joint::LeftFoot);
         cue.feet[0] = Some((ankle + Vec3::Y * 0.07) - Vec3::Z * ANKLE_HEIGHT);
         let figures = seat(&motion, &cue, &s).figures(&motion, [true, false]);
@@ -668,12 +674,18 @@ mod tests {
         close(figures.feet_cm[0].expect("given"), 7.0, 0.01);
         close(figures.sole_degrees[0], 0.2f32.to_degrees(), 0.05);
         close(figures.sole_degrees[1], 0.0, 0.05);
-        assert_eq!((figures.feet_cm[1], figures.hanging, figures.thigh_cm, figures.back_cm), (None, [true, false], 0.0, 0.0));
+        assert_eq!(
+            (figures.feet_cm[1], figures.hanging, figures.thigh_cm, figures.back_cm),
+            (None, [true, false], 0.0, 0.0)
+        );
         // In a seat that is 2 cm higher than the thighs' undersides, with a backrest 3 cm in the back.
         let seated = person(Planar::default(), SITS_AT, SITS_BACK);
         let under = seated.pose().position(Joint::LeftUpLeg).z - 0.05;
         let still = Motion { postures: vec![seated; 60], contacts: vec![[1.0; 2]; 60] };
-        let scene = room(&[([-0.3, -0.15, 0.0], [0.3, 0.2, under + 0.02]), ([-0.3, 0.05 + 0.02, 0.7], [0.3, 0.3, 1.2])]);
+        let scene = room(&[
+            ([-0.3, -0.15, 0.0], [0.3, 0.2, under + 0.02]),
+            ([-0.3, 0.05 + 0.02, 0.7], [0.3, 0.3, 1.2]),
+        ]);
         let mut cue = sit_cue();
         cue.position = seated.root_position;
         let figures = Seat { scene: Some(&scene), ..seat(&still, &cue, &s) }.figures(&still, [false; 2]);

@@ -339,7 +339,10 @@ mod tests {
     #[track_caller]
     fn says(scene: &SceneIndex, task: &Task, part: &str) {
         let said = said(scene, task);
-        assert!(if part.is_empty() { said.is_empty() } else { said.contains(part) }, "“{said}”, not “{part}”");
+        assert!(
+            if part.is_empty() { said.is_empty() } else { said.contains(part) },
+            "“{said}”, not “{part}”"
+        );
     }
 
     #[test]
@@ -353,7 +356,10 @@ mod tests {
         for (z, part) in [(0.24, ""), (0.26, "0.26 m over"), (-0.24, "no floor"), (0.0, "")] {
             let said = at(Vec3::Z * z);
             // Under its floor there is none under it, but for what a foot's tolerance sees.
-            assert!(if part.is_empty() { said.is_empty() } else { said.contains(part) || z < 0.0 }, "{z}: {said}");
+            assert!(
+                if part.is_empty() { said.is_empty() } else { said.contains(part) || z < 0.0 },
+                "{z}: {said}"
+            );
         }
         assert!(at(Vec3::Z * -0.4).contains("no floor under it"), "{}", at(Vec3::Z * -0.4));
         let nearly = [Vec3::new(2.79, 0.0, 0.0), Vec3::new(-2.79, 0.0, 0.0), Vec3::new(0.0, 2.79, 0.0)];
@@ -428,7 +434,10 @@ mod tests {
         task.cue.position.y = 0.42;
         says(&rim, &task, "floats");
         // Over nothing at all.
-        let hole = crate::test_world::scene(&[([-3.0, -3.0, -0.1], [3.0, 0.0, 0.0]), ([-3.0, 2.0, -0.1], [3.0, 3.0, 0.0])]);
+        let hole = crate::test_world::scene(&[
+            ([-3.0, -3.0, -0.1], [3.0, 0.0, 0.0]),
+            ([-3.0, 2.0, -0.1], [3.0, 3.0, 0.0]),
+        ]);
         task.cue.position = Vec3::new(0.0, 1.0, 0.55);
         says(&hole, &task, "there is no surface below it");
     }
@@ -457,16 +466,20 @@ mod tests {
     fn a_seat_is_not_inside_a_wall() {
         let (_, task) = to_sit(0.45);
         // Walls on both sides of the chest, at its height, so near.
-        let across = |d: f32| seat(0.45, &[
-            ([-d - 0.02, 0.2, 0.8], [-d, 0.5, 1.0]),
-            ([d, 0.2, 0.8], [d + 0.02, 0.5, 1.0]),
-        ]);
+        let across = |d: f32| {
+            seat(0.45, &[([-d - 0.02, 0.2, 0.8], [-d, 0.5, 1.0]), ([d, 0.2, 0.8], [d + 0.02, 0.5, 1.0])])
+        };
         says(&across(0.11), &task, "inside a wall");
         says(&across(0.13), &task, "");
-        let along = |d: f32, behind: f32| seat(0.45, &[
-            ([-0.2, 0.32 - d - 0.02, 0.8], [0.2, 0.32 - d, 1.0]),
-            ([-0.2, 0.32 + behind, 0.8], [0.2, 0.34 + behind, 1.0]),
-        ]);
+        let along = |d: f32, behind: f32| {
+            seat(
+                0.45,
+                &[
+                    ([-0.2, 0.32 - d - 0.02, 0.8], [0.2, 0.32 - d, 1.0]),
+                    ([-0.2, 0.32 + behind, 0.8], [0.2, 0.34 + behind, 1.0]),
+                ],
+            )
+        };
         says(&along(0.11, 0.11), &task, "inside a wall");
         // A backrest close behind is none, nor is what is close before alone.
         says(&along(0.4, 0.11), &task, "");
@@ -492,7 +505,10 @@ mod tests {
         low.cue.position = Vec3::ZERO;
         low.cue.yaw = f32::NAN;
         says(&scene, &low, "not a number");
-        let hole = crate::test_world::scene(&[([-3.0, -3.0, -0.1], [3.0, 0.5, 0.0]), ([-3.0, 1.6, -0.1], [3.0, 3.0, 0.0])]);
+        let hole = crate::test_world::scene(&[
+            ([-3.0, -3.0, -0.1], [3.0, 0.5, 0.0]),
+            ([-3.0, 1.6, -0.1], [3.0, 3.0, 0.0]),
+        ]);
         says(&hole, &to_stop(Vec2::new(0.0, 1.05)), "no floor under it");
     }
 
@@ -524,7 +540,14 @@ mod tests {
         says(&scene, &to_stop(Vec2::new(0.0, -2.0)), "");
         // A seat with no free floor before it.
         let (_, task) = to_sit(0.45);
-        let shut = seat(0.45, &[([-1.0, -0.75, 0.0], [1.0, -0.02, 0.4]), ([-1.0, -0.75, 0.0], [-0.31, 1.2, 0.4]), ([0.31, -0.75, 0.0], [1.0, 1.2, 0.4])]);
+        let shut = seat(
+            0.45,
+            &[
+                ([-1.0, -0.75, 0.0], [1.0, -0.02, 0.4]),
+                ([-1.0, -0.75, 0.0], [-0.31, 1.2, 0.4]),
+                ([0.31, -0.75, 0.0], [1.0, 1.2, 0.4]),
+            ],
+        );
         says(&shut, &task, "no free floor to stand on within 0.75 m");
     }
 

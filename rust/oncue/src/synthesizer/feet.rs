@@ -337,7 +337,10 @@ mod tests {
             }
             assert!(pose.rotation(Joint::LeftFoot).angle_between(stand().foot_rotation[0]) < 2e-3);
             assert!(pose.position(Joint::LeftLeg).y < pose.position(Joint::LeftUpLeg).y - 0.05);
-            assert_eq!(posture.rotations[Joint::RightLeg.index()], person(Planar::default(), height, 0.0).rotations[Joint::RightLeg.index()]);
+            assert_eq!(
+                posture.rotations[Joint::RightLeg.index()],
+                person(Planar::default(), height, 0.0).rotations[Joint::RightLeg.index()]
+            );
         }
     }
 

@@ -301,7 +301,8 @@ mod tests {
     use super::*;
     use crate::math::rotation::angle_between;
     use crate::test_world::{
-        PACE, SITS_AT, SITS_BACK, SITS_IN, STANDS, STOPS_AFTER, TURN, close, database, frame_of, sit_cue, stop_cue,
+        PACE, SITS_AT, SITS_BACK, SITS_IN, STANDS, STOPS_AFTER, TURN, close, database, frame_of, sit_cue,
+        stop_cue,
     };
     use glam::Vec2;
     use std::f32::consts::FRAC_PI_2;
@@ -327,7 +328,11 @@ mod tests {
             let before = character.pose;
             character.advance(database(), &NO_OFFSET);
             let place = Vec3::new(1.0 + PACE * n as f32, 2.0, STANDS + 0.3);
-            assert!(character.posture.root_position.distance(place) < 1e-4, "{}", character.posture.root_position);
+            assert!(
+                character.posture.root_position.distance(place) < 1e-4,
+                "{}",
+                character.posture.root_position
+            );
             assert_eq!(character.before, before);
             assert_eq!(character.frame, frame_of("walk", 10 + n));
             assert!(character.velocity().distance(Vec2::new(0.0, -1.2)) < 1e-3);
@@ -336,7 +341,10 @@ mod tests {
                 let moved = character.pose.position(joint) - rest.pose().position(joint);
                 assert!(moved.distance(Vec3::X * PACE * n as f32) < 2e-3, "{joint:?}: {moved}");
             }
-            assert_eq!((character.contact, character.leg_speed, character.offset_distance), ([0.0; 2], 1.0, 0.0));
+            assert_eq!(
+                (character.contact, character.leg_speed, character.offset_distance),
+                ([0.0; 2], 1.0, 0.0)
+            );
         }
         // What it looks like is over the floor that it stands on.
         let feature = character.pose_feature();
@@ -368,11 +376,7 @@ mod tests {
         let mut expected = Inertia::default();
         let z = |frame: usize| database().frames[frame].posture.root_position.z;
         let (old, new) = (frame_of("sit", 31), frame_of("stand", 0));
-        expected.begin(
-            Vec3::Z * (z(old) - z(new)),
-            Vec3::Z * (z(old + 1) - z(old)) * FRAME_RATE,
-            SETTLES_IN,
-        );
+        expected.begin(Vec3::Z * (z(old) - z(new)), Vec3::Z * (z(old + 1) - z(old)) * FRAME_RATE, SETTLES_IN);
         let mut last = from;
         for _ in 0..40 {
             character.advance(database(), &NO_OFFSET);
@@ -501,9 +505,11 @@ mod tests {
 
     #[test]
     fn a_sit_is_led_to_its_cue() {
-        for (shift, turn, lift) in
-            [(Vec2::ZERO, 0.0, 0.0), (Vec2::new(0.1, 0.05), 0.25, 0.05), (Vec2::new(-0.08, -0.1), -0.2, -0.06)]
-        {
+        for (shift, turn, lift) in [
+            (Vec2::ZERO, 0.0, 0.0),
+            (Vec2::new(0.1, 0.05), 0.25, 0.05),
+            (Vec2::new(-0.08, -0.1), -0.2, -0.06),
+        ] {
             let mut cue = sit_cue();
             cue.position += shift.extend(lift + 0.2);
             cue.yaw = turn;
