@@ -681,4 +681,9 @@ mod tests {
         close(stop.feet_cm[1].expect("given"), 30.0);
         assert!(residual(&cue(0.0, 0.0, 0.0, ActionType::Sit), &motion, 3).is_none());
     }
+
+    #[test]
+    fn a_limit_is_beyond() {
+        assert!(is_met(0.0999, 0.0) && !is_met(MET_DISTANCE, 0.0) && !is_met(0.0, MET_FACING));
+    }
 }

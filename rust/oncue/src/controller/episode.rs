@@ -466,20 +466,25 @@ mod tests {
     #[test]
     fn a_collision_is_the_mean_of_the_last_five_frames() {
         let mut world = walker(&[([-0.3, -0.3, 0.9], [0.3, 0.3, 0.92])], Planar::default());
-        world.settings.termination.collision = 0.5;
+        // A rate at which r_coli is 1/e there.
+        let pose = crate::test_world::still(1).postures[0].pose();
+        let counts = world.scene.body_intersections(&pose, world.settings.reward.ignore_below);
+        let weighted = -collision_reward(&counts, &world.settings.reward).ln() / world.settings.reward.collision_rate;
+        world.settings.reward.collision_rate = 1.0 / weighted;
+        world.settings.termination.collision = 0.4;
         let environment = world.environment();
         let mut episode = begin(&environment);
-        // In a plate at the height of the pelvis from the first frame: r_coli is hardly anything in each.
+        // In a plate at the height of the pelvis from the first frame.
         assert_eq!(
             repeat(&environment, &mut episode, &decide(&world.settings, ActionType::Walk, [0.0; 3]), 9),
             Some(EpisodeEnd::Collision)
         );
         assert_eq!((episode.tally.frames, episode.tally.touching), (5, 5));
         let coli = episode.collisions[0];
-        assert!(coli > 0.0 && coli < 0.4, "{coli}");
-        // At its very value it does not end yet.
+        close(coli, (-1f32).exp(), 0.02);
+        // A little under its value it does not end.
         let mut world = world;
-        world.settings.termination.collision = coli;
+        world.settings.termination.collision = coli - 0.01;
         let environment = world.environment();
         assert_eq!(
             repeat(

@@ -350,7 +350,7 @@ mod tests {
             assert!((value - from / 3.5f32.sqrt()).abs() < 1e-5, "{values:?}");
         }
         assert_eq!(clip_factor(&[3.0, 4.0], 0.1, 0.5), 1.0);
-        assert!((clip_factor(&[3.0, 4.0], 0.2, 0.5) - 0.5).abs() < 1e-6);
+        assert!((clip_factor(&[3.0, 4.0], 0.4, 0.5) - 0.25).abs() < 1e-6);
     }
 
     /// A small policy, and tuples drawn from one that was a little different.
