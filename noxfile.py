@@ -37,6 +37,8 @@ EVALUATION = ["numpy==2.4.6", "trimesh==5.2.0", "matplotlib==3.11.2"]
 CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6"]
 #: A crash or a hang in Blender's exit must not hold the run.
 BLENDER_TESTS = ["pytest==9.2.0", "pytest-timeout==2.4.0"]
+#: What breaks the core for `mutants`; not in CI.
+CARGO_MUTANTS = "27.1.0"
 #: What the benches run beside us; the product never sees it.
 PEERS = ["torch==2.15.0", "numpy==2.4.6", "scipy==1.17.1", "embreex==4.4.0.post1"]
 
@@ -392,3 +394,18 @@ def bench(session: nox.Session) -> None:
     peers = environment(session, "peers", PEERS)
     command = ["cargo", "bench", "--locked", "--workspace", "--bench", "*", *session.posargs]
     session.run(*command, external=True, env={"ONCUE_PEERS": str(peers)})
+
+
+@nox.session
+def mutants(session: nox.Session) -> None:
+    """Breaks the core in many places and writes to docs/mutants.md what its unit tests notice.
+
+    `-- --sample 60 --seed 1 [--shard 0/4] [--no-breaks] [--no-report]`. Takes about half a minute a mutant.
+    """
+    root = ENVIRONMENTS / "cargo-mutants"
+    tool = root / "bin" / "cargo-mutants"
+    install = ["cargo", "install", "--locked", "--quiet", "--root", str(root), "--version", CARGO_MUTANTS]
+    # Does nothing where this version is there.
+    session.run(*install, "cargo-mutants", external=True)
+    command = [sys.executable, "tools/mutants.py", "--tool", str(tool)]
+    session.run(*(["nice"] if shutil.which("nice") else []), *command, *session.posargs, external=True)

@@ -76,6 +76,8 @@ pub mod settings;
 mod simd;
 pub mod synthesize;
 mod synthesizer;
+#[cfg(test)]
+mod test_world;
 
 pub use action::{ActionLabel, ActionType};
 pub use cue::{ActionCue, Hand, InitialState, ManipulationCue, Task};

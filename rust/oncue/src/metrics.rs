@@ -447,4 +447,205 @@ mod tests {
         assert!((r.pelvis_cm - 5.0).abs() < 1e-3 && (r.facing_degrees - 5.729_578).abs() < 1e-3);
         assert!(r.feet_cm[0].expect("given") < 1e-3 && r.feet_cm[1].is_none() && r.met);
     }
+
+    /// Four frames, 2 m apart, in the rest pose: nothing, both shins through a board, one shin, an arm through a pane.
+    fn four_frames() -> (Motion, SceneIndex) {
+        let mut motion = Motion::default();
+        for frame in 0..4 {
+            let mut posture = Posture::default();
+            posture.root_position.x = 2.0 * frame as f32;
+            motion.postures.push(posture);
+            motion.contacts.push([1.0; 2]);
+        }
+        let scene = crate::test_world::scene(&[
+            ([-1.0, -1.0, -0.1], [8.0, 1.0, 0.0]),
+            ([1.8, -0.3, 0.30], [2.2, 0.3, 0.32]),
+            ([4.0, -0.3, 0.30], [4.2, 0.3, 0.32]),
+            ([6.4, -0.3, 1.2], [6.42, 0.3, 1.6]),
+        ]);
+        (motion, scene)
+    }
+
+    #[test]
+    fn penetration_by_hand() {
+        let (motion, scene) = four_frames();
+        // Four upright edges of a shin cross a board's top and bottom: 8 for a leg, 16 for both, of the 10 that count.
+        // Four edges of an arm along x cross a pane's two faces: 8, of the 7 that count.
+        let crossings: Vec<u32> =
+            motion.postures.iter().map(|p| scene.body_intersections(&p.pose(), 0.1).iter().sum()).collect();
+        assert_eq!(crossings, [0, 16, 8, 8]);
+        let figures = penetration_figures(&motion, &scene, 0.0, 0.1, None);
+        assert_eq!((figures.percent, figures.legs_percent, figures.arms_percent), (50.0, 25.0, 25.0));
+        assert_eq!(figures.whole_body_percent, 75.0);
+        assert_eq!(figures.parts_percent, BTreeMap::from([(Limb::Leg, 50.0), (Limb::Arm, 25.0)]));
+        // Higher up than the boards nothing of the legs counts.
+        let figures = penetration_figures(&motion, &scene, 0.3, 0.1, None);
+        assert_eq!((figures.percent, figures.legs_percent, figures.whole_body_percent), (25.0, 0.0, 25.0));
+        assert_eq!(penetration_figures(&motion, &scene, 0.0, 0.4, None), figures);
+        assert_eq!(penetration_figures(&Motion::default(), &scene, 0.0, 0.1, None).percent, 0.0);
+        assert!(is_penetrating(10, 0) && is_penetrating(0, 7) && !is_penetrating(9, 6));
+    }
+
+    #[test]
+    fn a_seat_carries_from_when_one_sits_down() {
+        // Boards through both thighs in two frames of three.
+        let (mut motion, _) = four_frames();
+        motion.postures.truncate(3);
+        motion.contacts.truncate(3);
+        let scene = crate::test_world::scene(&[
+            ([-1.0, -1.0, -0.1], [8.0, 1.0, 0.0]),
+            ([1.8, -0.3, 0.70], [2.2, 0.3, 0.72]),
+            ([3.8, -0.3, 0.70], [4.2, 0.3, 0.72]),
+        ]);
+        let whole = |seat| penetration_figures(&motion, &scene, 0.0, 0.1, seat).whole_body_percent;
+        close(whole(None), 200.0 / 3.0);
+        close(whole(Some((0, 0.70))), 0.0);
+        close(whole(Some((2, 0.70))), 100.0 / 3.0);
+        close(whole(Some((3, 0.70))), 200.0 / 3.0);
+        // A lower seat does not carry what lies higher, and the paper's measure leaves nothing out.
+        close(whole(Some((0, 0.60))), 200.0 / 3.0);
+        close(penetration_figures(&motion, &scene, 0.0, 0.1, Some((0, 0.70))).legs_percent, 200.0 / 3.0);
+    }
+
+    fn close(a: f32, b: f32) {
+        assert!((a - b).abs() < 1e-3, "{a} {b}");
+    }
+
+    #[test]
+    fn feet_by_hand() {
+        // One slides by 1 cm, then 3 cm, then both lift off by 2 cm and fly 5 cm, and the floor is 1 cm higher than the rest pose's.
+        let mut motion = Motion::default();
+        for (y, z, contact) in
+            [(0.0, 0.01, 1.0), (-0.01, 0.01, 1.0), (-0.04, 0.01, 1.0), (-0.09, 0.03, 0.5), (-0.14, 0.03, 0.0)]
+        {
+            let mut posture = Posture::default();
+            posture.root_position += Vec3::new(0.0, y, z);
+            motion.postures.push(posture);
+            motion.contacts.push([contact, 0.0]);
+        }
+        let figures = foot_figures(&motion, 0.01);
+        close(figures.skate_cm, 2.0);
+        close(figures.worst_skate_cm, 3.0);
+        close(figures.low_skate_cm, 2.0);
+        close(figures.sink_cm, 0.0);
+        // Under a floor that is 4 cm higher than they are, they sink, and none is near it.
+        let deep = foot_figures(&motion, 0.05);
+        close(deep.sink_cm, 4.0);
+        assert_eq!(deep.low_skate_cm, 0.0);
+        // A planted frame after one that is not is no slide yet.
+        motion.contacts[0][0] = 0.5;
+        close(foot_figures(&motion, 0.01).skate_cm, 3.0);
+        motion.postures.truncate(1);
+        assert_eq!(foot_figures(&motion, 0.01), FootFigures::default());
+    }
+
+    #[test]
+    fn contact_ends_where_the_faster_foot_leaves() {
+        let mut error = ContactError::default();
+        let at = |left: f32, right: f32| [Vec2::new(left, 0.0), Vec2::new(right, 0.0)];
+        // Both faster than 2 cm a frame: the slower touches. Its distances are 0 and 4 cm when it ends.
+        error.add(at(0.0, 0.0), at(0.03, 0.10));
+        error.add(at(0.03, 0.10), at(0.07, 0.20));
+        assert_eq!(error.mean(), 0.0);
+        error.add(at(0.07, 0.20), at(0.27, 0.21));
+        close(error.mean(), 0.02);
+        // The right foot's window, of one frame, adds a distance of nothing.
+        error.add(at(0.27, 0.21), at(0.28, 0.51));
+        close(error.mean(), 0.04 / 3.0);
+    }
+
+    #[test]
+    fn a_librarys_feet_are_those_of_its_walks_by_their_length() {
+        use crate::library::{Segment, Source};
+        let clip = |motion: Motion, label: ActionLabel, until: usize| {
+            let end = motion.len();
+            let segment = |label, first, end| Segment { label, first, end, complete: end - 1 };
+            let segments = vec![segment(label, 0, until), segment(ActionLabel::Other, until, end)];
+            Clip { name: "clip".into(), source: Source::Mocap, mirrored: false, motion, segments }
+        };
+        let walks = |frames: usize, step: f32| clip(sliding(step, frames), ActionLabel::Walk, frames - 1);
+        let library = MotionLibrary {
+            clips: vec![
+                walks(10, 0.01),
+                walks(30, 0.005),
+                // Half of it walks, or another action: neither counts.
+                clip(sliding(0.019, 10), ActionLabel::Walk, 5),
+                clip(sliding(0.019, 10), ActionLabel::Sit, 9),
+            ],
+        };
+        let figures = library.foot_figures();
+        close(figures.skate_cm, (10.0 * 1.0 + 30.0 * 0.5) / 40.0);
+        close(figures.low_skate_cm, figures.skate_cm);
+        close(figures.worst_skate_cm, 1.0);
+        close(figures.contact_cm, 0.0);
+        assert!(figures.sink_cm.abs() < 1e-3);
+        assert_eq!(MotionLibrary::default().foot_figures(), FootFigures::default());
+    }
+
+    #[test]
+    fn a_contact_error_of_walks_is_weighted_too() {
+        use crate::library::{Segment, Source};
+        let clips = [(6, 0.01), (12, 0.02)].map(|(frames, far)| {
+            let mut motion = sliding(0.0, frames);
+            // Both feet creep in the last frame but one and leap in the last.
+            motion.postures[frames - 2].root_position.y -= far * 0.9;
+            motion.postures[frames - 1].root_position.y -= 1.0;
+            let segments = vec![Segment { label: ActionLabel::Walk, first: 0, end: frames, complete: 0 }];
+            Clip { name: "clip".into(), source: Source::Mocap, mirrored: false, motion, segments }
+        });
+        let each = clips.each_ref().map(|c| foot_figures(&c.motion, 0.0).contact_cm);
+        close(each[0], 0.9 / 4.0);
+        close(each[1], 1.8 / 10.0);
+        let library = MotionLibrary { clips: clips.to_vec() };
+        close(library.foot_figures().contact_cm, (6.0 * each[0] + 12.0 * each[1]) / 18.0);
+    }
+    #[test]
+    fn only_what_is_faster_than_a_stroll_is_walking() {
+        let mut motion = Motion::default();
+        // 0.15, 0.6 and 1.2 m/s.
+        for y in [0.0, 0.005, 0.025, 0.065] {
+            let mut posture = Posture::default();
+            posture.root_position.y = -y;
+            motion.postures.push(posture);
+            motion.contacts.push([0.0; 2]);
+        }
+        let figures = speed_figures(&motion, &[1.0; JOINT_COUNT], &[100.0; JOINT_COUNT]);
+        close(figures.walking, 0.9);
+        close(figures.fastest, 1.2);
+        assert_eq!((figures.joint_ratio, figures.faster_percent, figures.harder_percent), (0.0, 0.0, 0.0));
+        // 0.015 and 0.02 m over a step: 13.5 and 18 m/s².
+        close(figures.acceleration_ratio, 0.18);
+        assert!((figures.hardest_acceleration - 18.0).abs() < 0.01);
+        let harder = speed_figures(&motion, &[1.0; JOINT_COUNT], &[15.0; JOINT_COUNT]).harder_percent;
+        close(harder, 50.0);
+    }
+
+    #[test]
+    fn a_cue_that_is_missed_is_not_met() {
+        let cue = |x: f32, z: f32, yaw: f32, action_type: ActionType| ActionCue {
+            name: "Cue".into(),
+            action_type,
+            position: Vec3::new(x, 0.0, crate::motion::skeleton::REST_HIPS_HEIGHT + z),
+            yaw,
+            feet: [None, Some(Vec3::new(-0.095, 0.3, 0.7))],
+        };
+        let motion = sliding(0.0, 3);
+        let of = |cue: &ActionCue| residual(cue, &motion, 2).expect("three frames");
+        assert!(of(&cue(0.099, 0.0, 0.34, ActionType::Sit)).met);
+        assert!(!of(&cue(0.101, 0.0, 0.0, ActionType::Sit)).met);
+        assert!(!of(&cue(0.0, 0.11, 0.0, ActionType::Sit)).met);
+        assert!(!of(&cue(0.0, 0.0, -0.36, ActionType::Sit)).met);
+        // The height of a stop says nothing.
+        let stop = of(&cue(0.06, 0.4, -0.3, ActionType::Stop));
+        assert!(stop.met && stop.frame == 2);
+        close(stop.pelvis_cm, 6.0);
+        close(stop.facing_degrees, 0.3f32.to_degrees());
+        close(stop.feet_cm[1].expect("given"), 30.0);
+        assert!(residual(&cue(0.0, 0.0, 0.0, ActionType::Sit), &motion, 3).is_none());
+    }
+
+    #[test]
+    fn a_limit_is_beyond() {
+        assert!(is_met(0.0999, 0.0) && !is_met(MET_DISTANCE, 0.0) && !is_met(0.0, MET_FACING));
+    }
 }

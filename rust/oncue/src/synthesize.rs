@@ -264,3 +264,222 @@ impl Laps {
         self.begun = Instant::now();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Error;
+    use crate::action::ActionType;
+    use crate::test_world::{World, close, database, stop_cue};
+    use glam::{Vec2, Vec3};
+
+    fn found(world: &World, there: &[(&StoredPolicy, PolicySource)], seed: u64) -> Found {
+        let environment = world.environment();
+        find_motion(&environment, there, seed, &Progress::new(), &mut Laps::new()).expect("not cancelled")
+    }
+
+    #[test]
+    fn the_prior_comes_before_what_was_stored() {
+        let mut settings = Settings::default();
+        let stored =
+            StoredPolicy { origin: Default::default(), ..StoredPolicy::prior().expect("shipped").clone() };
+        let sources = |stored: Option<&StoredPolicy>, settings: &Settings| -> Vec<PolicySource> {
+            policies_there(stored, settings).expect("a sound prior").iter().map(|p| p.1).collect()
+        };
+        assert_eq!(sources(Some(&stored), &settings), [PolicySource::Prior, PolicySource::Stored]);
+        assert_eq!(sources(None, &settings), [PolicySource::Prior]);
+        settings.ppo.prior = false;
+        assert_eq!(sources(Some(&stored), &settings), [PolicySource::Stored]);
+        assert_eq!(sources(None, &settings), []);
+        // Neither is played with states or signals that it does not know.
+        settings.ppo.prior = true;
+        settings.state.view_cells = 5;
+        assert_eq!(sources(Some(&stored), &settings), []);
+    }
+
+    #[test]
+    fn a_policy_that_serves_is_played_and_not_optimized() {
+        let world = World::stop_ahead(2.0);
+        let (good, other) = (world.stored(), world.stored());
+        let there = [(&good, PolicySource::Prior), (&other, PolicySource::Stored)];
+        let found = found(&world, &there, 3);
+        assert_eq!((found.source, found.kept.end), (PolicySource::Prior, EpisodeEnd::Complete));
+        assert_eq!((found.learning.curve.len(), found.learning.environment_steps), (0, 0));
+        assert_eq!(found.policy.policy, good.policy);
+        assert_eq!(found.policy.origin.cues, [world.task.cue.clone()]);
+        assert_eq!(found.policy.origin.scene, world.scene.fingerprint());
+        assert_eq!(found.policy.origin.library, database().library_checksum);
+    }
+
+    #[test]
+    fn the_second_policy_is_played_where_the_first_does_not_serve() {
+        let world = World::stop_ahead(2.0);
+        let good = world.stored();
+        let mut bad = world.stored();
+        // It always wants to go back.
+        let outputs = bad.policy.policy.parameters.len();
+        let width = bad.policy.sizes().1;
+        bad.policy.policy.parameters[outputs - width + crate::controller::policy::TYPE_COUNT + 1] = 3.0;
+        let there = [(&bad, PolicySource::Prior), (&good, PolicySource::Stored)];
+        let found = found(&world, &there, 3);
+        assert_eq!((found.source, found.learning.curve.len()), (PolicySource::Stored, 0));
+        assert!(world.environment().is_clean(found.kept.end, &found.kept.tally));
+    }
+
+    #[test]
+    fn the_better_of_before_and_after_optimizing_is_kept() {
+        let mut world = World::new(&[], crate::math::Planar::default(), stop_cue(Vec2::new(0.0, -2.5), 0.0));
+        // Nothing is complete so early: the motion that came nearest is the best.
+        world.settings.termination.longest = 30;
+        world.settings.ppo.updates = 0;
+        let policy = world.stored();
+        let (mut before_was_better, mut after_was_better) = (0, 0);
+        for seed in 0..8 {
+            let played = |seed: u64| {
+                keep_motion(&world.environment(), &policy.policy, seed, &Progress::new())
+                    .expect("played")
+                    .cost
+            };
+            let (before, after) = (played(seed), played(seed + AGAIN));
+            let found = found(&world, &[(&policy, PolicySource::Stored)], seed);
+            assert_eq!(found.kept.cost, before.min(after));
+            assert_eq!(found.source, PolicySource::Stored);
+            before_was_better += usize::from(before < after);
+            after_was_better += usize::from(after < before);
+        }
+        assert!(before_was_better > 0 && after_was_better > 0, "{before_was_better} {after_was_better}");
+    }
+
+    #[test]
+    fn what_is_optimized_remembers_what_for() {
+        let mut world = World::stop_ahead(2.0);
+        world.settings.termination.longest = 40;
+        world.settings.ppo.solved = 2.0;
+        let mut earlier = world.stored();
+        earlier.origin.updates = 5;
+        earlier.origin.environment_steps = 1000;
+        earlier.origin.cues = vec![world.task.cue.clone(), stop_cue(Vec2::ONE, 1.0)];
+        let found = found(&world, &[(&earlier, PolicySource::Stored)], 4);
+        let origin = &found.policy.origin;
+        assert_eq!(found.learning.curve.len(), 2);
+        assert_eq!(found.learning.environment_steps, 512);
+        assert_eq!((origin.updates, origin.environment_steps), (7, 1512));
+        assert_eq!(origin.request, request_of(&world.task, &world.settings, 4));
+        assert_eq!(origin.cues, [stop_cue(Vec2::ONE, 1.0), world.task.cue.clone()]);
+        close(origin.success_rate, found.kept.succeeded as f32 / found.kept.rollouts as f32, 1e-6);
+        assert_ne!(found.policy.policy, earlier.policy);
+        // From nothing it is from scratch.
+        world.settings.ppo.updates = 1;
+        assert_eq!(super::tests::found(&world, &[], 4).source, PolicySource::Scratch);
+    }
+
+    #[test]
+    fn the_job_reports_what_it_did() {
+        let world = World::stop_ahead(2.0);
+        let stored = world.stored();
+        let run = |world: &World, stored: Option<&StoredPolicy>| {
+            let (scene, task, settings) = (&world.scene, &world.task, &world.settings);
+            synthesize_along(None, scene, database(), task, stored, settings, 3, &Progress::new())
+        };
+        let made = run(&world, Some(&stored)).expect("a motion");
+        let report = &made.report;
+        assert!(report.success && report.problems.is_empty(), "{:?}", report.problems);
+        assert_eq!((report.policy_source, report.updates, report.seed), (PolicySource::Stored, 0, 3));
+        assert_eq!((report.frames, report.rollouts), (made.motion.len(), 6));
+        let cue = &report.cues[0];
+        assert!(cue.met && cue.pelvis_cm < 10.0 && cue.facing_degrees < 20.0, "{cue:?}");
+        close(report.shortest_path_m, 2.0, 0.1);
+        assert!(report.path_m > 1.9 && report.path_m < 2.6, "{}", report.path_m);
+        assert_eq!(report.penetration.percent, 0.0);
+        assert!(report.rollouts_succeeded > 0);
+        let stages: Vec<&str> = report.seconds.keys().map(String::as_str).collect();
+        assert_eq!(stages, ["check", "edit", "measure", "play"]);
+        assert!(report.edited.is_some());
+        // The same request again is not played with what came of it.
+        let mut own = stored.clone();
+        own.origin.request = request_of(&world.task, &world.settings, 3);
+        assert_eq!(run(&world, Some(&own)).expect("a motion").report.policy_source, PolicySource::Scratch);
+        // Without the editor.
+        let mut world = world;
+        world.settings.editor.fit = false;
+        assert!(run(&world, Some(&stored)).expect("a motion").report.edited.is_none());
+        // A way through a plate over the floor is a motion, and its report says what it touches.
+        let plate = crate::test_world::room(&[([-3.0, -1.4, 1.25], [3.0, -0.8, 1.3])]);
+        let through = World { scene: plate, ..world };
+        let made = run(&through, Some(&stored)).expect("a motion");
+        assert!(made.report.penetration.whole_body_percent > 0.0, "{:?}", made.report.penetration);
+    }
+
+    #[test]
+    fn a_task_that_cannot_be_done_is_refused_before_anything_is_played() {
+        let mut world = World::stop_ahead(2.0);
+        world.scene = crate::test_world::room(&[([-3.0, -1.0, 0.0], [3.0, -0.9, 2.0])]);
+        let run = |world: &World| {
+            let (scene, task, settings) = (&world.scene, &world.task, &world.settings);
+            synthesize_along(None, scene, database(), task, None, settings, 3, &Progress::new()).unwrap_err()
+        };
+        assert!(matches!(run(&world), Error::Unreachable(_)));
+        let mut world = World::stop_ahead(2.0);
+        world.task.manipulations = vec![crate::ManipulationCue {
+            name: "Rail".into(),
+            hand: crate::Hand::Left,
+            path: Vec::new(),
+            first_frame: None,
+        }];
+        assert!(run(&world).to_string().contains("‘Rail’"));
+        world.settings.ppo.discount = 2.0;
+        assert!(run(&world).to_string().contains("discount"));
+    }
+
+    #[test]
+    fn every_end_has_its_sentence() {
+        let world = World::stop_ahead(2.0);
+        let said = |end: EpisodeEnd, cues: &[Residual]| problems(end, cues, &world.scene, &world.task);
+        let residual = |met: bool| Residual {
+            cue: "There".into(),
+            action_type: ActionType::Stop,
+            frame: 9,
+            pelvis_cm: 23.4,
+            facing_degrees: 31.2,
+            feet_cm: [None; 2],
+            met,
+        };
+        assert_eq!(said(EpisodeEnd::Complete, &[residual(true)]), Vec::<String>::new());
+        assert_eq!(
+            said(EpisodeEnd::Complete, &[residual(false)]),
+            ["Cue 'There' was missed by 23 cm and 31°."]
+        );
+        let one = |end: EpisodeEnd, part: &str| {
+            let said = said(end, &[residual(true)]);
+            assert!(said.len() == 1 && said[0].contains(part), "{said:?}");
+        };
+        one(EpisodeEnd::Collision, "without running into something");
+        one(EpisodeEnd::Stall, "no way to finish there");
+        one(EpisodeEnd::TooLong, "move it a little");
+        one(EpisodeEnd::LeftScene, "left the scene");
+        // A seat without room for the knees is why nothing ended there.
+        let mut sits = World::stool();
+        sits.scene = crate::test_world::room(&[
+            ([-0.2, 0.15, 0.0], [0.2, 0.5, 0.44]),
+            ([-1.0, -0.4, 0.5], [1.0, -0.1, 1.0]),
+        ]);
+        sits.task.cue.position = Vec3::new(0.0, 0.32, 0.54);
+        let said = problems(EpisodeEnd::Stall, &[], &sits.scene, &sits.task);
+        assert!(
+            said.len() == 1 && said[0].contains("0.42 m in front") && said[0].contains("0.48 m"),
+            "{said:?}"
+        );
+        assert!(problems(EpisodeEnd::Complete, &[], &sits.scene, &sits.task).is_empty());
+    }
+
+    #[test]
+    fn a_stage_that_comes_again_adds_up() {
+        let mut laps = Laps::new();
+        for _ in 0..2 {
+            std::thread::sleep(std::time::Duration::from_millis(4));
+            laps.done("play");
+        }
+        laps.done("keep");
+        assert!(laps.seconds["play"] >= 0.008 && laps.seconds["keep"] < laps.seconds["play"]);
+    }
+}

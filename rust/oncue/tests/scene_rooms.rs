@@ -1,17 +1,27 @@
 //! The scene index on every real room and task.
 
 mod common;
+#[path = "common/shared_tests.rs"]
+mod shared_tests;
 
 use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::ExitCode;
 
 use glam::Vec3;
 use oncue::Progress;
 use oncue::scene::{ClearPath, SceneIndex, SceneSettings, check_task};
 
-#[test]
-fn every_task_of_the_real_rooms_is_reachable_on_a_path_of_the_known_length() {
-    let Some(folder) = common::shared("data/rooms") else { return };
-    let rows = common::rooms::read(&folder);
+fn main() -> ExitCode {
+    shared_tests::run(vec![shared_tests::needs(
+        "data/rooms",
+        "every_task_of_the_real_rooms_is_reachable_on_a_path_of_the_known_length",
+        every_task_of_the_real_rooms_is_reachable_on_a_path_of_the_known_length,
+    )])
+}
+
+fn every_task_of_the_real_rooms_is_reachable_on_a_path_of_the_known_length(folder: &Path) {
+    let rows = common::rooms::read(folder);
     assert_eq!(rows.len(), 33);
     let mut scenes: BTreeMap<String, SceneIndex> = BTreeMap::new();
     let mut failures = Vec::new();

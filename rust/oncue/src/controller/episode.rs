@@ -383,3 +383,486 @@ fn mean_square_change(a: &Posture, b: &Posture) -> f32 {
         .sum();
     sum / (a.rotations.len() - 1) as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_world::{
+        HALF_FLOOR, PACE, SITS_AT, SITS_BACK, SITS_IN, World, clip_of, close, database, decide, frame_of,
+        stop_cue, walk_on,
+    };
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64;
+
+    fn begin(environment: &Environment) -> Episode {
+        environment.begin(&mut Pcg64::seed_from_u64(1))
+    }
+
+    /// Repeats one decision until the episode ends, at most so often.
+    fn repeat(
+        environment: &Environment,
+        episode: &mut Episode,
+        draw: &Draw,
+        times: usize,
+    ) -> Option<EpisodeEnd> {
+        let mut state = vec![0.0; environment.state_size()];
+        (0..times).find_map(|_| {
+            let observation = environment.observe(episode, &mut state);
+            environment.step(episode, &observation, draw).end
+        })
+    }
+
+    /// Who walks from `start` where the cue plays no part.
+    fn walker(boxes: &crate::test_world::Boxes, start: Planar) -> World {
+        World::new(boxes, start, stop_cue(Vec2::new(-2.5, 2.5), 0.0))
+    }
+
+    #[test]
+    fn who_walks_over_any_edge_leaves_the_scene() {
+        for (direction, yaw) in
+            [(Vec2::NEG_Y, 0.0), (Vec2::X, PI / 2.0), (Vec2::Y, PI), (Vec2::NEG_X, -PI / 2.0)]
+        {
+            let world = walker(&[], Planar::new(direction * (HALF_FLOOR - 0.7), yaw));
+            let environment = world.environment();
+            let mut episode = begin(&environment);
+            assert_eq!(
+                repeat(&environment, &mut episode, &walk_on(&world.settings), 20),
+                Some(EpisodeEnd::LeftScene)
+            );
+            let place = episode.character.planar.position;
+            // It ends on the first frame beyond the edge, and there was no other reason.
+            assert!((HALF_FLOOR..HALF_FLOOR + PACE + 1e-3).contains(&place.dot(direction)), "{place}");
+            assert!(place.distance(direction * place.dot(direction)) < 0.05);
+            assert_eq!((episode.tally.touching, episode.tally.crossings), (0, 0));
+            close(episode.tally.travelled, place.distance(world.task.start.position.truncate()), 0.02);
+        }
+        let world = walker(&[], Planar::default());
+        let environment = world.environment();
+        let mut episode = begin(&environment);
+        assert_eq!(repeat(&environment, &mut episode, &walk_on(&world.settings), 6), None);
+        assert_eq!(episode.tally.frames, 6 * world.settings.synthesizer.search_every);
+    }
+
+    /// Walls every 5 cm from y = -1 on: any box of the body crosses several.
+    fn palisade() -> Vec<([f32; 3], [f32; 3])> {
+        (0..20).map(|i| -1.0 - 0.05 * i as f32).map(|y| ([-2.0, y - 0.01, 0.0], [2.0, y, 2.0])).collect()
+    }
+
+    #[test]
+    fn who_walks_into_walls_collides() {
+        let mut world = walker(&palisade(), Planar::default());
+        {
+            let environment = world.environment();
+            let mut episode = begin(&environment);
+            assert_eq!(
+                repeat(&environment, &mut episode, &walk_on(&world.settings), 20),
+                Some(EpisodeEnd::Collision)
+            );
+            let (tally, y) = (&episode.tally, episode.character.planar.position.y);
+            // Five frames and their way after the body first touches.
+            assert!((-1.4..-0.9).contains(&y), "{y}");
+            assert!((4..12).contains(&tally.penetrating), "{tally:?}");
+            assert!(tally.touching >= tally.penetrating && tally.touching < tally.frames);
+            assert!(tally.crossings as usize > 10 * tally.penetrating);
+            assert!(!environment.is_clean(EpisodeEnd::Complete, tally));
+        }
+        // Where collisions do not count, the same walk goes on.
+        world.settings.reward.collision = false;
+        let environment = world.environment();
+        assert_eq!(repeat(&environment, &mut begin(&environment), &walk_on(&world.settings), 5), None);
+    }
+
+    #[test]
+    fn a_collision_is_the_mean_of_the_last_five_frames() {
+        let mut world = walker(&[([-0.3, -0.3, 0.9], [0.3, 0.3, 0.92])], Planar::default());
+        // A rate at which r_coli is 1/e there.
+        let pose = crate::test_world::still(1).postures[0].pose();
+        let counts = world.scene.body_intersections(&pose, world.settings.reward.ignore_below);
+        let weighted =
+            -collision_reward(&counts, &world.settings.reward).ln() / world.settings.reward.collision_rate;
+        world.settings.reward.collision_rate = 1.0 / weighted;
+        world.settings.termination.collision = 0.4;
+        let environment = world.environment();
+        let mut episode = begin(&environment);
+        // In a plate at the height of the pelvis from the first frame.
+        assert_eq!(
+            repeat(&environment, &mut episode, &decide(&world.settings, ActionType::Walk, [0.0; 3]), 9),
+            Some(EpisodeEnd::Collision)
+        );
+        assert_eq!((episode.tally.frames, episode.tally.touching), (5, 5));
+        let coli = episode.collisions[0];
+        close(coli, (-1f32).exp(), 0.02);
+        // A little under its value it does not end.
+        let mut world = world;
+        world.settings.termination.collision = coli - 0.01;
+        let environment = world.environment();
+        assert_eq!(
+            repeat(
+                &environment,
+                &mut begin(&environment),
+                &decide(&world.settings, ActionType::Walk, [0.0; 3]),
+                3
+            ),
+            None
+        );
+    }
+
+    #[test]
+    fn who_stands_about_stalls() {
+        let mut world = walker(&[], Planar::default());
+        let stand = decide(&world.settings, ActionType::Walk, [0.0; 3]);
+        {
+            let environment = world.environment();
+            let mut episode = begin(&environment);
+            assert_eq!(repeat(&environment, &mut episode, &stand, 20), Some(EpisodeEnd::Stall));
+            assert_eq!(episode.tally.frames, world.settings.termination.stall_frames);
+            assert!(episode.tally.travelled < 1e-3);
+            assert_eq!(repeat(&environment, &mut begin(&environment), &walk_on(&world.settings), 6), None);
+        }
+        // The step is a mean over the frames: just under it a walk stalls, just over it it does not.
+        world.settings.termination.stall_frames = 20;
+        for (step, end) in [(1.02 * PACE, Some(EpisodeEnd::Stall)), (0.5 * PACE, None)] {
+            world.settings.termination.stall_step = step;
+            let environment = world.environment();
+            assert_eq!(
+                repeat(&environment, &mut begin(&environment), &walk_on(&world.settings), 6),
+                end,
+                "{step}"
+            );
+        }
+    }
+
+    #[test]
+    fn an_episode_has_a_longest() {
+        let mut world = walker(&[], Planar::default());
+        world.settings.termination.longest = 34;
+        let environment = world.environment();
+        let mut episode = begin(&environment);
+        assert_eq!(
+            repeat(&environment, &mut episode, &walk_on(&world.settings), 20),
+            Some(EpisodeEnd::TooLong)
+        );
+        assert_eq!(episode.tally.frames, 34);
+    }
+
+    /// One sit from the start of [`World::stool`], recorded.
+    fn sit(world: &World) -> (Episode, Outcome) {
+        let environment = world.environment();
+        let mut episode = begin(&environment);
+        episode.record = Some(Motion::default());
+        let mut state = vec![0.0; environment.state_size()];
+        let observation = environment.observe(&episode, &mut state);
+        let mut draw = decide(&world.settings, ActionType::Sit, [0.0; 3]);
+        // The left elbow is asked for half a radian.
+        let elbow = world.settings.signal.future_size() + 3;
+        draw.vector[elbow] = 0.5 / world.settings.signal.offset_scale;
+        let outcome = environment.step(&mut episode, &observation, &draw);
+        (episode, outcome)
+    }
+
+    #[test]
+    fn a_sit_is_played_to_its_end_and_meets_its_cue() {
+        let mut world = World::stool();
+        // Neither standing about nor anything else ends it before.
+        world.settings.termination.stall_frames = 10;
+        world.settings.termination.stall_step = 0.1;
+        let (episode, outcome) = sit(&world);
+        let environment = world.environment();
+        assert_eq!(outcome.end, Some(EpisodeEnd::Complete));
+        assert_eq!(episode.action_from, Some(0));
+        assert!((SITS_IN - 35..=SITS_IN).contains(&episode.tally.frames), "{}", episode.tally.frames);
+        let root = episode.character.pose.positions[0];
+        assert!(root.distance(Vec3::new(0.0, SITS_BACK, SITS_AT)) < 0.03, "{root}");
+        close(episode.tally.residual, root.distance(world.task.cue.position), 1e-6);
+        close(episode.tally.facing, 0.0, 0.02);
+        assert!(environment.succeeded(EpisodeEnd::Complete, &episode.tally));
+        for end in [EpisodeEnd::LeftScene, EpisodeEnd::Collision, EpisodeEnd::Stall, EpisodeEnd::TooLong] {
+            assert!(!environment.succeeded(end, &episode.tally));
+        }
+        let far = Tally { residual: 0.11, ..episode.tally };
+        let turned = Tally { facing: 21f32.to_radians(), ..episode.tally };
+        let just = Tally { residual: 0.099, facing: 19.9f32.to_radians(), ..episode.tally };
+        assert!(!environment.succeeded(EpisodeEnd::Complete, &far));
+        assert!(!environment.succeeded(EpisodeEnd::Complete, &turned));
+        assert!(environment.succeeded(EpisodeEnd::Complete, &just));
+    }
+
+    #[test]
+    fn a_type_that_is_not_open_walks_on() {
+        let mut world = World::stool();
+        world.settings.synthesizer.refuse_height = 0.0;
+        world.task.cue.position.z += 0.05;
+        let (episode, outcome) = sit(&world);
+        assert_eq!((outcome.end, episode.action_from), (None, None));
+        assert_eq!(episode.tally.frames, world.settings.synthesizer.search_every);
+    }
+
+    #[test]
+    fn the_posture_offset_is_gone_when_the_sit_is_complete() {
+        let (episode, _) = sit(&World::stool());
+        let motion = episode.record.expect("recorded");
+        let frames = motion.len();
+        let own = database().frames[0].posture.rotations[Joint::LeftForeArm.index()];
+        let turned = |frame: usize| {
+            crate::math::rotation::angle_between(
+                motion.postures[frame].rotations[Joint::LeftForeArm.index()],
+                own,
+            )
+        };
+        // Half a radian until 30 frames before the end, and nothing over the last few.
+        let begin = (0..frames).map(turned).fold(0.0, f32::max);
+        close(begin, 0.5, 0.02);
+        assert!(turned(frames - 1) < 0.02, "{}", turned(frames - 1));
+        assert!((0..frames - 20).all(|f| turned(f) <= 0.51) && turned(frames - 24) > 0.1);
+        assert!(episode.tally.offset > 0.25 && episode.tally.offset < 0.26 * frames as f32);
+        // Walking keeps it.
+        let world = walker(&[], Planar::default());
+        let environment = world.environment();
+        let mut episode = begin_walk(&environment);
+        let mut draw = walk_on(&world.settings);
+        let elbow = world.settings.signal.future_size() + 3;
+        draw.vector[elbow] = 0.5 / world.settings.signal.offset_scale;
+        repeat(&environment, &mut episode, &draw, 4);
+        let arm = episode.character.posture.rotations[Joint::LeftForeArm.index()];
+        close(crate::math::rotation::angle_between(arm, own), 0.5, 0.01);
+    }
+
+    fn begin_walk(environment: &Environment) -> Episode {
+        let mut episode = begin(environment);
+        episode.character.transition(database(), frame_of("walk", 0));
+        episode
+    }
+
+    /// The reward of one sit, each of its parts alone, from the recorded motion.
+    #[test]
+    fn the_reward_is_the_equations_over_the_frames() {
+        let only = |change: &dyn Fn(&mut crate::settings::RewardSettings)| {
+            let mut world = World::stool();
+            let reward = &mut world.settings.reward;
+            (reward.w_tr, reward.w_act, reward.w_reg, reward.collision) = (0.0, 0.0, 0.0, false);
+            (reward.transition_rate, reward.velocity_rate) = (0.0, 0.0);
+            change(reward);
+            let (episode, outcome) = sit(&world);
+            (world, episode, outcome.reward)
+        };
+        let (world, episode, reward) = only(&|r| r.w_act = 0.7);
+        let s = world.settings.reward.clone();
+        let (p, f) = (episode.tally.residual / s.sigma_inter, episode.tally.facing / s.sigma_facing);
+        close(reward, 0.7 * s.action_scale * (-p * p - f * f).exp(), 1e-3);
+
+        let (world, episode, reward) = only(&|r| r.w_tr = 0.7);
+        let (environment, motion) = (world.environment(), episode.record.expect("recorded"));
+        let mut last = Vec2::ZERO;
+        let mut sum = 0.0;
+        for posture in &motion.postures {
+            let place = posture.root_position.truncate();
+            let near = (-environment.path.distance(place) / s.sigma_root).exp();
+            let fast = (place.distance(last) / s.velocity_threshold).powi(2).min(1.0);
+            sum += near * fast;
+            last = place;
+        }
+        close(reward, 0.7 * sum / motion.len() as f32, 2e-3);
+        assert!(reward > 0.01);
+
+        // By the paper the way is the crow's.
+        let (world, episode, reward) = only(&|r| (r.w_tr, r.geodesic) = (0.7, false));
+        let motion = episode.record.expect("recorded");
+        let (mut last, mut sum) = (Vec2::ZERO, 0.0);
+        for posture in &motion.postures {
+            let place = posture.root_position.truncate();
+            let near = place.distance(world.task.cue.position.truncate()) / s.sigma_root;
+            sum += (-near * near).exp() * (place.distance(last) / s.velocity_threshold).powi(2).min(1.0);
+            last = place;
+        }
+        close(reward, 0.7 * sum / motion.len() as f32, 2e-3);
+
+        let (_, episode, reward) = only(&|r| (r.w_reg, r.sigma_reg) = (0.5, 0.1));
+        assert!(reward > 0.0 && reward < 0.5 && episode.tally.offset > 0.0, "{reward}");
+        let (_, _, reward) = only(&|r| r.time_cost = 0.3);
+        close(reward, -0.3, 1e-6);
+        // A transition that shows takes its share of all.
+        let (_, episode, reward) =
+            only(&|r| (r.time_cost, r.transition_rate, r.velocity_rate) = (0.3, 2.0, 2.0));
+        close(reward, -0.3 * (-2.0 * episode.tally.transition).exp(), 1e-5);
+        assert_eq!(episode.tally.transitions, 1);
+        assert_eq!(episode.tally.transition, episode.tally.worst_transition);
+    }
+
+    #[test]
+    fn what_plays_plays_on_and_another_way_is_entered() {
+        let world = walker(&[], Planar::default());
+        let environment = world.environment();
+        let mut episode = begin_walk(&environment);
+        let settings = &world.settings;
+        repeat(&environment, &mut episode, &walk_on(settings), 3);
+        // The same is asked for as is played: no transition but perhaps the first.
+        assert!(episode.tally.transitions <= 1, "{}", episode.tally.transitions);
+        assert_eq!(clip_of(episode.character.frame), "walk");
+        for (turn, clip) in [(1.2f32, "left"), (-1.2, "right")] {
+            let mut turning = episode.clone();
+            let before = turning.tally;
+            let goal = Vec2::new(0.75 * (1.0 - 1.2f32.cos()) * turn.signum(), -0.75 * 1.2f32.sin())
+                / settings.signal.reach;
+            let draw =
+                decide(settings, ActionType::Walk, [goal.x, goal.y, turn / settings.signal.largest_turn]);
+            repeat(&environment, &mut turning, &draw, 2);
+            assert_eq!(clip_of(turning.character.frame), clip);
+            let tally = turning.tally;
+            assert!(tally.transitions > before.transitions && tally.transition > before.transition);
+            assert!(tally.worst_transition >= (tally.transition / tally.transitions as f32) - 1e-6);
+            assert!(tally.worst_transition <= tally.transition + 1e-6);
+            assert!(turning.character.planar.yaw * turn > 0.0);
+        }
+    }
+
+    #[test]
+    fn a_jolt_is_what_is_over_the_librarys() {
+        let world = walker(&[], Planar::default());
+        let environment = world.environment();
+        let rest = [Vec3::ZERO; JOINT_COUNT];
+        let mut moved = rest;
+        moved[7] = Vec3::X * 0.1;
+        // 0.1 m · (30 Hz)² = 90 m/s², where the library has 50.
+        close(environment.jolt([&rest, &rest, &moved]), 0.8, 1e-4);
+        moved[7] = Vec3::X * 0.05;
+        assert_eq!(environment.jolt([&rest, &rest, &moved]), 0.0);
+    }
+
+    #[test]
+    fn a_hold_goes_on_for_its_seconds() {
+        let mut world = World::stool();
+        world.settings.synthesizer.hold_seconds = 0.5;
+        let (mut episode, _) = sit(&world);
+        let (frames, root) = (episode.tally.frames, episode.character.pose.positions[0]);
+        world.environment().hold(&mut episode);
+        assert_eq!(episode.tally.frames, frames + 15);
+        assert_eq!(episode.record.as_ref().map(Motion::len), Some(frames + 15));
+        assert!(root.distance(episode.character.pose.positions[0]) < 0.02);
+    }
+
+    #[test]
+    fn the_tally_is_what_was_recorded() {
+        let (episode, _) = sit(&World::stool());
+        let (motion, tally) = (episode.record.expect("recorded"), episode.tally);
+        assert_eq!(motion.len(), tally.frames);
+        let mut travelled = 0.0;
+        let mut last = Vec2::ZERO;
+        for posture in &motion.postures {
+            travelled += posture.root_position.truncate().distance(last);
+            last = posture.root_position.truncate();
+        }
+        close(tally.travelled, travelled, 1e-4);
+        assert!(tally.worst_jolt <= tally.jolt + 1e-6 && tally.worst_hurry <= tally.hurry + 1e-6);
+        assert!(tally.hurry >= 0.0 && tally.jolt >= 0.0);
+        // On a stool of its own height nothing is touched: what carries is not counted.
+        assert_eq!((tally.penetrating, tally.touching, tally.crossings), (0, 0, 0));
+        // On one that comes up beside the pelvis it is.
+        let mut world = World::stool();
+        world.scene = crate::test_world::room(&[([-0.2, 0.25, 0.0], [0.2, 0.5, 0.62])]);
+        let (episode, outcome) = sit(&world);
+        assert_eq!(outcome.end.is_some(), true);
+        assert!(episode.tally.touching > 0 && episode.tally.crossings > 0);
+    }
+
+    #[test]
+    fn a_narrow_way_is_narrow_here_and_ahead() {
+        // A passage along y from -1 to -3, whose walls are x = ±0.3.
+        let walls = [([-2.0, -3.0, 0.0], [-0.3, -1.0, 2.0]), ([0.3, -3.0, 0.0], [2.0, -1.0, 2.0])];
+        for (y, walks) in [(-2.0, false), (0.0, false), (-0.4, true), (2.0, true)] {
+            let world = walker(&walls, Planar::new(Vec2::new(0.0, y), 0.0));
+            let environment = world.environment();
+            let mut episode = begin(&environment);
+            if walks {
+                episode.character.transition(database(), frame_of("walk", 0));
+                for _ in 0..15 {
+                    episode.character.advance(database(), &PostureOffset::default());
+                }
+            }
+            let here = episode.character.planar.position;
+            let speed = if walks { PACE * FRAME_RATE } else { 0.0 };
+            let (narrow, free) = (world.settings.scene.narrow_clearance, world.settings.scene.free_clearance);
+            let least = [0.0, 0.33, 0.67, 1.0]
+                .map(|s| world.scene.occupancy().clearance(here - Vec2::Y * speed * s))
+                .into_iter()
+                .fold(f32::INFINITY, f32::min);
+            let expected = ((free - least) / (free - narrow)).clamp(0.0, 1.0);
+            close(environment.narrowness(&episode), expected, 0.05);
+            // By hand: 0.25 to 0.3 m of room in the passage, half of the way or more from 0.4 to 0.2; free far from it.
+            match (y, walks) {
+                (-2.0, _) => close(expected, 0.65, 0.2),
+                (-0.4, true) => assert!(expected > 0.3),
+                _ => assert_eq!(expected, 0.0),
+            }
+        }
+    }
+
+    #[test]
+    fn a_clean_episode_has_none_of_the_flaws() {
+        let world = World::stop_ahead(2.0);
+        let environment = world.environment();
+        let clean = Tally { frames: 200, travelled: 2.5, touching: 2, ..Tally::default() };
+        assert!(environment.is_clean(EpisodeEnd::Complete, &clean));
+        assert!(!environment.is_clean(EpisodeEnd::Stall, &clean));
+        for flawed in [
+            Tally { penetrating: 1, ..clean },
+            Tally { touching: 3, ..clean },
+            // 1.3 times the shortest way, and 20 cm.
+            Tally { travelled: 2.95, ..clean },
+            Tally { residual: 0.2, ..clean },
+            Tally { facing: 1.0, ..clean },
+        ] {
+            assert!(!environment.is_clean(EpisodeEnd::Complete, &flawed), "{flawed:?}");
+        }
+        assert!(environment.is_clean(EpisodeEnd::Complete, &Tally { travelled: 2.7, ..clean }));
+    }
+
+    #[test]
+    fn episodes_begin_where_they_should() {
+        let world = walker(&[([-3.0, -3.0, 0.0], [0.0, 3.0, 2.0])], Planar::new(Vec2::new(1.0, 2.0), 0.7));
+        let world = World {
+            task: crate::cue::Task { cue: stop_cue(Vec2::new(2.0, 0.0), 0.0), ..world.task },
+            ..world
+        };
+        let environment = world.environment();
+        let mut rng = Pcg64::seed_from_u64(5);
+        let own = environment.begin(&mut rng);
+        assert_eq!(own.character.planar, world.task.start.planar());
+        assert_eq!((own.tally, own.action_from, own.collisions), (Tally::default(), None, [1.0; 5]));
+        assert_eq!(clip_of(own.character.frame), "stand");
+        assert!(!environment.starts().is_empty());
+        for start in environment.starts() {
+            // Right of the wall, and a body's room from it and from the edges: 15 cm apart.
+            assert!(start.x > 0.25 && start.x < 2.75 && start.y.abs() < 2.75, "{start}");
+        }
+        let apart = environment.starts()[0].distance(environment.starts()[1]);
+        close(apart, 0.15, 1e-4);
+        let (mut turns, mut places) = (0, 0);
+        for _ in 0..20 {
+            let other = environment.begin_anywhere(&mut rng).character.planar;
+            assert!(environment.starts().contains(&other.position));
+            turns += usize::from(other.yaw > 0.0);
+            places += usize::from(other.position.distance(Vec2::new(1.0, 2.0)) > 0.5);
+        }
+        assert!((3..18).contains(&turns) && places > 10);
+        // Where there is no such place they begin at the task's own start.
+        let mut shut = walker(&[], Planar::default());
+        shut.task.cue.position.x = 100.0;
+        let environment = shut.environment();
+        assert!(environment.starts().is_empty());
+        assert_eq!(environment.begin_anywhere(&mut rng).character.planar, Planar::default());
+    }
+
+    #[test]
+    fn the_change_is_the_mean_square_of_the_joints() {
+        let a = Posture::default();
+        let mut b = a;
+        b.rotations[0] = glam::Quat::from_rotation_z(1.0);
+        b.rotations[3] = glam::Quat::from_rotation_x(0.1);
+        b.rotations[9] = glam::Quat::from_rotation_y(-0.2);
+        // The root's own turn is none of a joint.
+        close(mean_square_change(&a, &b), (0.01 + 0.04) / 21.0, 2e-5);
+        let mut means = Means { trajectory: 6.0, regularization: 3.0, collision: 1.5 };
+        means.finish(3);
+        assert_eq!((means.trajectory, means.regularization, means.collision), (2.0, 1.0, 0.5));
+    }
+}

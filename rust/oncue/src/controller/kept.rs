@@ -271,6 +271,264 @@ fn cost_of(tally: &Tally, end: EpisodeEnd, met: bool, left: f32, shortest: f32, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::metrics::ContactError;
+    use crate::test_world::{World, close, stop_cue};
+    use glam::Vec2;
+
+    /// Weights and figures that no two of are alike.
+    fn weights() -> CostWeights {
+        CostWeights {
+            incomplete: 5000.0,
+            way_left: 70.0,
+            missed: 900.0,
+            residual: 31.0,
+            facing: 4.1,
+            penetrating: 0.51,
+            touching: 0.23,
+            crossing: 0.011,
+            worst_transition: 1.7,
+            transition: 0.13,
+            worst_hurry: 2.3,
+            hurry: 0.37,
+            worst_jolt: 1.1,
+            jolt: 0.053,
+            contact: 61.0,
+            detour: 0.83,
+            second: 0.29,
+            offset: 0.019,
+        }
+    }
+
+    fn tally() -> Tally {
+        let mut contact = ContactError::default();
+        // A foot that stands creeps by 1 cm in the second of two frames, then leaves; the other never stands.
+        let at = |x: f32| [Vec2::new(x, 0.0), Vec2::new(0.0, 9.0 * x)];
+        contact.add(at(0.0), at(0.01));
+        contact.add(at(0.01), at(0.02));
+        contact.add([Vec2::ZERO; 2], [Vec2::X, Vec2::X]);
+        Tally {
+            frames: 60,
+            penetrating: 3,
+            touching: 7,
+            crossings: 130,
+            transition: 2.9,
+            worst_transition: 1.3,
+            transitions: 5,
+            hurry: 1.9,
+            worst_hurry: 0.7,
+            jolt: 3.1,
+            worst_jolt: 1.7,
+            contact,
+            travelled: 4.3,
+            offset: 87.0,
+            residual: 0.06,
+            facing: 0.17,
+        }
+    }
+
+    #[test]
+    fn the_cost_is_worked_by_hand() {
+        let (t, w) = (tally(), weights());
+        close(t.contact.mean(), 0.005, 1e-6);
+        let parts = [
+            31.0 * 0.06,
+            4.1 * 0.17,
+            0.51 * 3.0,
+            0.23 * 7.0,
+            0.011 * 130.0,
+            1.7 * 1.3,
+            0.13 * 2.9,
+            2.3 * 0.7,
+            0.37 * 1.9,
+            1.1 * 1.7,
+            0.053 * 3.1,
+            61.0 * 0.005,
+            0.83 * (4.3 - 3.2),
+            0.29 * 2.0,
+            0.019 * 87.0 / 30.0,
+        ];
+        let met: f32 = parts.iter().sum();
+        close(cost_of(&t, EpisodeEnd::Complete, true, 7.0, 3.2, &w), met, 1e-3);
+        close(cost_of(&t, EpisodeEnd::Complete, false, 7.0, 3.2, &w), met + 900.0, 1e-3);
+        // Shorter than the shortest way is no gain.
+        let no_detour = met - 0.83 * 1.1;
+        close(cost_of(&t, EpisodeEnd::Complete, true, 7.0, 5.0, &w), no_detour, 1e-3);
+        for end in [EpisodeEnd::Stall, EpisodeEnd::Collision, EpisodeEnd::LeftScene, EpisodeEnd::TooLong] {
+            close(cost_of(&t, end, false, 7.0, 3.2, &w), 5000.0 + 490.0 - 2.0, 1e-3);
+        }
+    }
+
+    /// One rollout of round 0.
+    fn rollout(environment: &Environment, policy: &Policy, seed: u64, round: u64, i: u64) -> Candidate {
+        let own = rollout_seed(seed, round, i);
+        play(environment, policy, &policy.normalizer.map(), own, &[], own, if i == 0 { 0.0 } else { 0.8 })
+    }
+
+    #[test]
+    fn the_motion_of_least_cost_is_kept() {
+        let world = World::stop_ahead(2.0);
+        let (environment, policy) = (world.environment(), world.proposed());
+        let mut first_was_best = 0;
+        for seed in 0..4 {
+            let all: Vec<Candidate> = (0..6).map(|i| rollout(&environment, &policy, seed, 0, i)).collect();
+            let best = all.iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("six");
+            first_was_best += usize::from(best.cost == all[0].cost);
+            let kept = keep_motion(&environment, &policy, seed, &Progress::new()).expect("not cancelled");
+            assert_eq!((kept.cost, kept.end, kept.tally), (best.cost, best.end, best.tally));
+            let met = all.iter().filter(|c| environment.succeeded(c.end, &c.tally)).count();
+            assert_eq!((kept.rollouts, kept.succeeded), (6, met));
+            // The motion is that one, from the first frame on, a second of holding included.
+            let (episode, complete) = record(&environment, best);
+            assert_eq!(episode.tally, best.tally);
+            let motion = episode.record.expect("recorded");
+            assert_eq!(motion.len(), best.tally.frames + 1);
+            let held = if best.end == EpisodeEnd::Complete { 30 } else { 0 };
+            assert_eq!(complete, best.tally.frames - held);
+            assert_eq!(kept.motion.postures[0], motion.postures[0]);
+            assert_eq!(kept.motion.postures.last(), motion.postures.last());
+            assert!(kept.motion.len() >= motion.len() && kept.complete >= complete);
+            assert!(kept.action_from.is_none_or(|from| from < kept.complete));
+        }
+        assert!(first_was_best < 4, "else the first, not the best, would do");
+    }
+
+    #[test]
+    fn a_proposed_stop_is_met_and_costs_what_it_shows() {
+        let world = World::stop_ahead(2.0);
+        let environment = world.environment();
+        let kept = keep_motion(&environment, &world.proposed(), 3, &Progress::new()).expect("not cancelled");
+        assert_eq!(kept.end, EpisodeEnd::Complete);
+        assert!(environment.is_clean(kept.end, &kept.tally), "{:?}", kept.tally);
+        let shortest = environment.path.distance(Vec2::ZERO);
+        let cost = cost_of(&kept.tally, kept.end, true, 0.0, shortest, &world.settings.kept.weights);
+        close(kept.cost, cost, 1e-4);
+        let root = kept.motion.postures[kept.complete].root_position;
+        assert!(root.truncate().distance(Vec2::new(0.0, -2.0)) < 0.1, "{root}");
+        assert!(kept.action_from.expect("a stop") < kept.complete);
+    }
+
+    #[test]
+    fn an_episode_that_is_not_complete_costs_the_way_that_is_left() {
+        let mut world = World::stop_ahead(2.0);
+        world.settings.termination.longest = 20;
+        let (environment, policy) = (world.environment(), world.proposed());
+        let played = rollout(&environment, &policy, 1, 0, 0);
+        assert_eq!((played.end, played.tally.frames), (EpisodeEnd::TooLong, 20));
+        let episode = record(&environment, &played).0;
+        let left = environment.path.distance(episode.character.planar.position);
+        assert!(left > 1.0 && left < 2.01, "{left}");
+        let w = &world.settings.kept.weights;
+        close(played.cost, w.incomplete + w.way_left * left - 20.0 / 30.0, 1e-2);
+        // Where there is no way at all it counts as a long one.
+        world.scene = crate::test_world::room(&[([-3.0, -1.0, 0.0], [3.0, -0.9, 2.0])]);
+        let environment = world.environment();
+        let played = rollout(&environment, &policy, 1, 0, 0);
+        let seconds = played.tally.frames as f32 / 30.0;
+        close(played.cost, w.incomplete + w.way_left * FARTHEST_WAY - seconds, 1e-2);
+    }
+
+    #[test]
+    fn rounds_branch_off_the_best_and_end_when_a_motion_is_clean() {
+        let mut world = World::stop_ahead(2.0);
+        let count = |world: &World| {
+            let kept = keep_motion(&world.environment(), &world.proposed(), 2, &Progress::new());
+            let kept = kept.expect("not cancelled");
+            (kept.rollouts, kept.cost)
+        };
+        let (one, first) = count(&world);
+        world.settings.kept.rounds = 2;
+        world.settings.kept.more_rounds = 3;
+        let (three, later) = count(&world);
+        // Clean: no more rounds than those there always are.
+        assert_eq!((one, three), (6, 18));
+        assert!(later <= first);
+        // Never clean (the way there is a detour already): every round there may be.
+        world.task.cue = stop_cue(Vec2::new(0.0, -2.0), 3.0);
+        world.settings.termination.longest = 25;
+        assert_eq!(count(&world).0, 36);
+    }
+
+    #[test]
+    fn a_branch_begins_as_what_it_branches_off() {
+        let world = World::stop_ahead(2.0);
+        let (environment, policy) = (world.environment(), world.proposed());
+        let map = policy.normalizer.map();
+        let best = rollout(&environment, &policy, 7, 0, 1);
+        assert!(best.draws.len() > 3);
+        let branch = play(&environment, &policy, &map, best.seed, &best.draws[..2], 99, 0.7);
+        assert_eq!(branch.draws[..2], best.draws[..2]);
+        assert_ne!(branch.draws[2], best.draws[2]);
+        assert_eq!(branch.seed, best.seed);
+        let whole = play(&environment, &policy, &map, best.seed, &best.draws, 99, 0.7);
+        assert_eq!((whole.cost, whole.end, whole.tally), (best.cost, best.end, best.tally));
+        // Without spread it is the policy's mean: no arm is lifted.
+        let mean = rollout(&environment, &policy, 7, 0, 0);
+        let offset = world.settings.signal.future_size();
+        assert!(mean.draws.iter().all(|d| d.vector[offset..].iter().all(|v| *v == 0.0)));
+        assert!(best.draws.iter().all(|d| d.vector[offset..].iter().any(|v| *v != 0.0)));
+        assert_eq!(mean.tally.offset, 0.0);
+        let (end, tally) = play_once(
+            &environment,
+            &policy,
+            &map,
+            world.task.start.planar(),
+            0.0,
+            &mut Pcg64::seed_from_u64(mean.seed),
+        );
+        assert_eq!(end, mean.end);
+        close(tally.residual, mean.tally.residual, 1e-6);
+    }
+
+    #[test]
+    fn arms_vary_where_it_is_narrow() {
+        // A passage 0.6 m wide: about half as narrow as can be.
+        let walls = [([-2.0, -3.0, 0.0], [-0.3, 3.0, 2.0]), ([0.3, -3.0, 0.0], [2.0, 3.0, 2.0])];
+        let mut world = World::stop_ahead(2.0);
+        let free = world.scene;
+        world.scene = crate::test_world::room(&walls);
+        let offset = world.settings.signal.future_size();
+        let last = Draw { action_type: 0, vector: vec![1.0; offset + 12], log_probability: 0.0 };
+        let varied = |world: &World, last: Option<&Draw>| {
+            let environment = world.environment();
+            let episode = environment.begin(&mut Pcg64::seed_from_u64(1));
+            let mut mean = vec![0.2; TYPE_COUNT + offset + 12];
+            let mut log_std = vec![-5.0; offset + 12];
+            vary_arms(&environment, &episode, last, &mut mean, &mut log_std);
+            (environment.narrowness(&episode), mean, log_std)
+        };
+        let (narrow, mean, log_std) = varied(&world, Some(&last));
+        assert!((0.2..0.9).contains(&narrow), "{narrow}");
+        let (s, k) = (&world.settings.signal, &world.settings.kept);
+        let least = (narrow * k.narrow_offset / s.offset_scale).ln();
+        assert!(log_std[..offset].iter().all(|v| *v == -5.0));
+        log_std[offset..].iter().for_each(|v| close(*v, least, 1e-5));
+        assert!(mean[..TYPE_COUNT + offset].iter().all(|v| *v == 0.2));
+        mean[TYPE_COUNT + offset..].iter().for_each(|v| close(*v, 0.2 + OFFSET_HELD * narrow * 0.8, 1e-5));
+        // The first decision has none before it; and where nothing is wanted nothing is varied.
+        let (_, mean, _) = varied(&world, None);
+        assert!(mean.iter().all(|v| *v == 0.2));
+        let untouched = |world: &World| {
+            let (_, mean, log_std) = varied(world, Some(&last));
+            mean.iter().all(|v| *v == 0.2) && log_std.iter().all(|v| *v == -5.0)
+        };
+        world.settings.kept.narrow_offset = 0.0;
+        assert!(untouched(&world));
+        world.settings.kept.narrow_offset = 0.2;
+        world.settings.signal.posture_offset = false;
+        assert!(untouched(&world));
+        world.settings.signal.posture_offset = true;
+        world.scene = free;
+        assert!(untouched(&world));
+    }
+
+    #[test]
+    fn a_cancelled_choice_says_so() {
+        let world = World::stop_ahead(2.0);
+        let progress = Progress::new();
+        progress.cancel();
+        let error = keep_motion(&world.environment(), &world.proposed(), 1, &progress).unwrap_err();
+        assert!(matches!(error, crate::Error::Cancelled));
+    }
 
     #[test]
     fn no_two_rollouts_share_their_draws() {

@@ -120,3 +120,87 @@ fn figures(update: usize, tuples: &Tuples) -> UpdateFigures {
         seconds: 0.0,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controller::rollout::EpisodeSummary;
+    use crate::test_world::World;
+
+    fn optimized(world: &World, start: Option<Policy>) -> OptimizedPolicy {
+        optimize_policy(&[world.environment()], start, 5, &Progress::new()).expect("not cancelled")
+    }
+
+    #[test]
+    fn it_stops_when_the_task_is_solved() {
+        let mut world = World::stop_ahead(0.9);
+        world.settings.ppo.updates = 3;
+        world.settings.ppo.tuples = 1280;
+        world.settings.ppo.solved = 0.5;
+        let solved = optimized(&world, Some(world.proposed()));
+        // What is proposed meets most of such cues: nothing is left to learn.
+        assert_eq!((solved.curve.len(), solved.environment_steps), (1, 1280));
+        assert!(solved.curve[0].success_rate.expect("episodes ended") >= 0.5, "{:?}", solved.curve);
+        assert_eq!(solved.policy, world.proposed());
+        // At its very rate it is solved too; over it every update is used.
+        world.settings.ppo.solved = solved.curve[0].success_rate.expect("as before");
+        assert_eq!(optimized(&world, Some(world.proposed())).curve.len(), 1);
+        world.settings.ppo.solved = 1.5;
+        let all = optimized(&world, Some(world.proposed()));
+        assert_eq!((all.curve.len(), all.environment_steps), (3, 3 * 1280));
+        assert_ne!(all.policy, world.proposed());
+        assert_eq!(all.curve.iter().map(|f| f.update).collect::<Vec<_>>(), [0, 1, 2]);
+        assert!(all.curve.windows(2).all(|w| w[0].seconds <= w[1].seconds));
+        assert!(all.rollout_seconds > 0.0 && all.learning_seconds > 0.0);
+        // Where every episode begins elsewhere, those count.
+        world.settings.ppo.vary_start = 1.0;
+        world.settings.ppo.solved = 0.0;
+        let anywhere = optimized(&world, Some(world.proposed()));
+        assert_eq!((anywhere.curve.len(), anywhere.curve[0].success_rate), (1, None));
+        assert!(anywhere.curve[0].success_rate_anywhere.is_some());
+    }
+
+    #[test]
+    fn from_nothing_it_begins_with_random_weights_of_its_seed() {
+        let mut world = World::stop_ahead(0.9);
+        world.settings.ppo.updates = 0;
+        let policy = |seed: u64| {
+            optimize_policy(&[world.environment()], None, seed, &Progress::new())
+                .expect("not cancelled")
+                .policy
+        };
+        assert_eq!(policy(1), policy(1));
+        assert_ne!(policy(1), policy(2));
+        let error = optimize_policy(&[], None, 1, &Progress::new()).unwrap_err();
+        assert!(error.to_string().contains("no cue"));
+    }
+
+    #[test]
+    fn figures_by_hand() {
+        let episode = |end, success, own_start| EpisodeSummary { end, success, own_start };
+        let tuples = Tuples {
+            rewards: vec![1.0, 2.0, 6.0],
+            episodes: vec![
+                episode(EpisodeEnd::Complete, true, true),
+                episode(EpisodeEnd::Complete, false, true),
+                episode(EpisodeEnd::Collision, false, true),
+                episode(EpisodeEnd::Stall, false, true),
+                episode(EpisodeEnd::Complete, true, false),
+                episode(EpisodeEnd::Collision, false, false),
+                episode(EpisodeEnd::LeftScene, false, false),
+                episode(EpisodeEnd::Collision, false, false),
+            ],
+            ..Tuples::default()
+        };
+        let f = figures(7, &tuples);
+        assert_eq!((f.update, f.reward), (7, 3.0));
+        assert_eq!((f.success_rate, f.success_rate_anywhere), (Some(0.25), Some(0.25)));
+        assert_eq!((f.collisions, f.stalls), (0.375, 0.125));
+        let none = figures(0, &Tuples::default());
+        assert_eq!((none.reward, none.success_rate, none.success_rate_anywhere), (0.0, None, None));
+        assert_eq!((none.collisions, none.stalls), (0.0, 0.0));
+        let elsewhere = Tuples { episodes: tuples.episodes[4..6].to_vec(), ..Tuples::default() };
+        let f = figures(0, &elsewhere);
+        assert_eq!((f.success_rate, f.success_rate_anywhere), (None, Some(0.5)));
+    }
+}

@@ -269,4 +269,102 @@ mod tests {
         let l = log_probability(&certain, 0, &[0.3], &[0.3], &Gaussian::of(&[0.0]));
         assert!((l + 0.918_938_5).abs() < 1e-6);
     }
+
+    #[test]
+    fn what_is_drawn_is_spread_as_the_policy_says() {
+        use rand::SeedableRng;
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(2);
+        // Logits of 1 : e : e² over two allowed types, and two numbers about 1 and -2.
+        let mean = [0.0, 1.0, 2.0, 1.0, -2.0];
+        let gaussian = Gaussian::of(&[0.5f32.ln(), 2f32.ln()]);
+        let draws: Vec<Draw> =
+            (0..4000).map(|_| draw(&mean, [true, false, true], &gaussian, 1.0, &mut rng)).collect();
+        let count = |k: usize| draws.iter().filter(|d| d.action_type == k).count() as f32 / 4000.0;
+        let p = 1.0 / (1.0 + 2f32.exp());
+        assert!((count(0) - p).abs() < 0.02 && count(1) == 0.0 && (count(2) + p - 1.0).abs() < 0.02);
+        for (k, (at, std)) in [(1.0, 0.5), (-2.0, 2.0)].into_iter().enumerate() {
+            let m = draws.iter().map(|d| d.vector[k]).sum::<f32>() / 4000.0;
+            let v = draws.iter().map(|d| (d.vector[k] - m).powi(2)).sum::<f32>() / 4000.0;
+            assert!((m - at).abs() < 0.1 * std && (v.sqrt() / std - 1.0).abs() < 0.05, "{m} {v}");
+        }
+        for d in draws.iter().take(20) {
+            let of = |k: usize, std: f32| {
+                let z = (d.vector[k] - mean[3 + k]) / std;
+                -0.5 * z * z - std.ln() - 0.5 * std::f32::consts::TAU.ln()
+            };
+            let chosen = if d.action_type == 0 { p } else { 1.0 - p };
+            assert!((d.log_probability - chosen.ln() - of(0, 0.5) - of(1, 2.0)).abs() < 1e-4);
+        }
+        // Half the spread halves it; none takes the mean and the likeliest type that is allowed.
+        let half: Vec<f32> =
+            (0..4000).map(|_| draw(&mean, [true; 3], &gaussian, 0.5, &mut rng).vector[1]).collect();
+        let v = half.iter().map(|x| (x + 2.0).powi(2)).sum::<f32>() / 4000.0;
+        assert!((v.sqrt() - 1.0).abs() < 0.05, "{v}");
+        let still = draw(&mean, [true, true, false], &gaussian, 0.0, &mut rng);
+        assert_eq!((still.action_type, still.vector), (1, vec![1.0, -2.0]));
+        // All three types are drawn as often as they are likely.
+        let mut counts = [0; 3];
+        (0..4000).for_each(|_| counts[draw(&mean, [true; 3], &gaussian, 1.0, &mut rng).action_type] += 1);
+        for (count, p) in counts.into_iter().zip(type_probabilities(&mean[..3], [true; 3])) {
+            assert!((count as f32 / 4000.0 - p).abs() < 0.025, "{counts:?}");
+        }
+    }
+
+    #[test]
+    fn a_normalizer_learns_row_by_row_and_does_not_blow_up_noise() {
+        let mut n = Normalizer::new(2);
+        assert_eq!(n.map(), [(1.0, 0.0); 2]);
+        n.update(&[1.0, 5.0]);
+        assert_eq!(n.map(), [(1.0, 0.0); 2]);
+        n.update(&[3.0, 5.0, 5.0, 5.001]);
+        n.update(&[7.0, 5.0]);
+        let map = n.map();
+        let std = 5f32.sqrt();
+        assert!((map[0].0 - 1.0 / std).abs() < 1e-6 && (map[0].1 + 4.0 / std).abs() < 1e-5);
+        assert!((map[1].0 - 20.0).abs() < 1e-4 && (map[1].1 + 100.0).abs() < 0.1);
+        let mut states = [4.0 + std, 5.0, 400.0, -100.0];
+        Policy::normalize(&mut states, &map);
+        assert!((states[0] - 1.0).abs() < 1e-5 && states[1].abs() < 0.01);
+        assert_eq!(states[2..], [CLIP, -CLIP]);
+    }
+
+    #[test]
+    fn a_policy_is_made_to_its_settings_and_knows_when_it_is_broken() {
+        use rand::SeedableRng;
+        let mut settings = Settings::default();
+        settings.ppo.policy_layers = vec![4];
+        settings.ppo.value_layers = vec![3];
+        (settings.ppo.log_std_future, settings.ppo.log_std_offset) = (-1.5, -2.5);
+        let policy = Policy::new(5, &settings, &mut rand_pcg::Pcg64::seed_from_u64(1));
+        assert_eq!((policy.state_size(), policy.vector_size(), policy.sizes()), (5, 15, (5, 18)));
+        assert_eq!(policy.log_std[..3], [-1.5; 3]);
+        assert_eq!(policy.log_std[3..], [-2.5; 12]);
+        assert!(policy.is_consistent());
+        let broken: [&dyn Fn(&mut Policy); 8] = [
+            &|p| p.policy.parameters[3] = f32::NAN,
+            &|p| p.value.parameters[0] = f32::INFINITY,
+            &|p| p.log_std[2] = f32::NAN,
+            &|p| p.policy.parameters.truncate(3),
+            &|p| p.value.parameters.truncate(3),
+            &|p| p.normalizer.mean.truncate(4),
+            &|p| p.normalizer.square[1] = f64::NAN,
+            &|p| p.normalizer.count = f64::NAN,
+        ];
+        for change in broken {
+            let mut other = policy.clone();
+            change(&mut other);
+            assert!(!other.is_consistent());
+        }
+        let mut other = policy.clone();
+        other.value = Policy::new(6, &settings, &mut rand_pcg::Pcg64::seed_from_u64(1)).value;
+        assert!(!other.is_consistent(), "a value of other states");
+        other.value = policy.policy.clone();
+        assert!(!other.is_consistent(), "a value of many numbers");
+        // One row and several give the same means.
+        let states: Vec<f32> = (0..10).map(|i| 0.1 * i as f32).collect();
+        let mut activations = Activations::default();
+        let both = policy.means(&states, 2, &mut activations).to_vec();
+        let second = policy.means(&states[5..], 1, &mut activations);
+        assert!(both[18..].iter().zip(second).all(|(a, b)| (a - b).abs() < 1e-6));
+    }
 }

@@ -325,4 +325,183 @@ mod tests {
         }
         assert!((late - 0.5).abs() < 0.15, "{late}");
     }
+
+    #[test]
+    fn advantages_of_two_environments_do_not_mix() {
+        let tuples = Tuples {
+            rewards: vec![1.0, 2.0, 5.0, 7.0],
+            ended: vec![false, false, true, false],
+            per_environment: 2,
+            ..Tuples::default()
+        };
+        let settings = PpoSettings { discount: 0.5, lambda: 0.4, ..PpoSettings::default() };
+        let (a, r) = advantages(&tuples, &[1.0, 2.0, 3.0, 4.0], &[10.0, 20.0], &settings);
+        // First: δ1 = 2 + 0.5·10 - 2 = 5; δ0 = 1 + 0.5·2 - 1 = 1, A0 = 1 + 0.2·5.
+        // Second: δ1 = 7 + 0.5·20 - 4 = 13; δ0 = 5 - 3 = 2 (ended).
+        assert_eq!(a, [2.0, 5.0, 2.0, 13.0]);
+        assert_eq!(r, [3.0, 7.0, 5.0, 17.0]);
+    }
+
+    #[test]
+    fn advantages_are_standardized_and_gradients_clipped() {
+        let mut values = [1.0, 2.0, 3.0, 6.0];
+        standardize(&mut values);
+        // Mean 3, variance (4 + 1 + 0 + 9) / 4.
+        for (value, from) in values.iter().zip([-2.0, -1.0, 0.0, 3.0]) {
+            assert!((value - from / 3.5f32.sqrt()).abs() < 1e-5, "{values:?}");
+        }
+        assert_eq!(clip_factor(&[3.0, 4.0], 0.1, 0.5), 1.0);
+        assert!((clip_factor(&[3.0, 4.0], 0.4, 0.5) - 0.25).abs() < 1e-6);
+    }
+
+    /// A small policy, and tuples drawn from one that was a little different.
+    fn small() -> (Policy, Tuples, PpoSettings) {
+        let mut settings = crate::settings::Settings::default();
+        settings.ppo.policy_layers = vec![3];
+        settings.ppo.value_layers = vec![2];
+        settings.ppo.entropy = 0.07;
+        let mut rng = Pcg64::seed_from_u64(11);
+        let mut old = Policy::new(2, &settings, &mut rng);
+        let mut shaken = |numbers: &mut [f32], by: f32| {
+            numbers.iter_mut().for_each(|p| *p += rng.random_range(-by..by));
+        };
+        shaken(&mut old.policy.parameters, 0.5);
+        shaken(&mut old.value.parameters, 0.5);
+        let mut policy = old.clone();
+        shaken(&mut policy.policy.parameters, 0.02);
+        shaken(&mut policy.log_std, 0.02);
+        let mut tuples = Tuples { per_environment: 1, ..Tuples::default() };
+        for row in 0..12 {
+            let state: [f32; 2] = std::array::from_fn(|_| rng.random_range(-1.0..1.0));
+            let width = TYPE_COUNT + old.vector_size();
+            let proposal: Vec<f32> = (0..width).map(|_| rng.random_range(-0.3..0.3)).collect();
+            let mut activations = Activations::default();
+            let means = old.means(&state, 1, &mut activations);
+            let mean: Vec<f32> = means.iter().zip(&proposal).map(|(m, p)| m + p).collect();
+            let allowed = [true, row % 3 > 0, row % 2 > 0];
+            let gaussian = Gaussian::of(&old.log_std);
+            let drawn = super::super::policy::draw(&mean, allowed, &gaussian, 1.0, &mut rng);
+            tuples.states.extend(state);
+            tuples.proposals.extend(proposal);
+            tuples.allowed.push(allowed);
+            tuples.types.push(drawn.action_type);
+            tuples.vectors.extend(drawn.vector);
+            tuples.log_probabilities.push(drawn.log_probability);
+        }
+        (policy, tuples, settings.ppo)
+    }
+
+    const ADVANTAGES: [f32; 12] = [1.0, -0.7, 0.4, -1.3, 2.0, 0.3, -0.2, 0.9, -2.0, 1.1, 0.6, -0.4];
+    const RETURNS: [f32; 12] = [3.0, -8.0, 1.0, 4.0, 9.0, -2.0, 0.0, 5.0, 7.0, -1.0, 2.0, 6.0];
+
+    /// What an update makes smaller, summed over the rows: -min(r A, clip(r) A), less the entropy of the vector, and the
+    /// squared error of the value.
+    fn loss(policy: &Policy, tuples: &Tuples, rows: &[usize], settings: &PpoSettings) -> (f64, f64, usize) {
+        let (size, width) = (policy.state_size(), TYPE_COUNT + policy.vector_size());
+        let (mut objective, mut error, mut clipped) = (0.0, 0.0, 0);
+        for &t in rows {
+            let state = &tuples.states[t * size..(t + 1) * size];
+            let mut activations = Activations::default();
+            let means = policy.means(state, 1, &mut activations);
+            let proposal = &tuples.proposals[t * width..(t + 1) * width];
+            let mean: Vec<f32> = means.iter().zip(proposal).map(|(m, p)| m + p).collect();
+            let p = type_probabilities(&mean[..TYPE_COUNT], tuples.allowed[t]);
+            let mut log = f64::from(p[tuples.types[t]]).ln();
+            let vector = &tuples.vectors[t * policy.vector_size()..(t + 1) * policy.vector_size()];
+            for ((v, m), s) in vector.iter().zip(&mean[TYPE_COUNT..]).zip(&policy.log_std) {
+                let (v, m, s) = (f64::from(*v), f64::from(*m), f64::from(*s));
+                log += -0.5 * ((v - m) / s.exp()).powi(2) - s - 0.5 * std::f64::consts::TAU.ln();
+                objective -= f64::from(settings.entropy) * s;
+            }
+            let ratio = (log - f64::from(tuples.log_probabilities[t])).exp();
+            let (a, clip) = (f64::from(ADVANTAGES[t]), f64::from(settings.clip));
+            let held = ratio.clamp(1.0 - clip, 1.0 + clip);
+            clipped += usize::from(held * a < ratio * a - 1e-9);
+            objective -= (ratio * a).min(held * a);
+            let mut activations = Activations::default();
+            policy.value.forward_one(state, &mut activations);
+            error += (f64::from(activations.output()[0]) - f64::from(RETURNS[t]) / 10.0).powi(2);
+        }
+        (objective, error, clipped)
+    }
+
+    #[test]
+    fn gradients_are_those_of_the_clipped_objective() {
+        let (policy, tuples, settings) = small();
+        let rows: Vec<usize> = vec![0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
+        let mut chunk = Chunk::default();
+        chunk.gradients(&policy, &tuples, &ADVANTAGES, &RETURNS, &rows, &settings);
+        let clipped = loss(&policy, &tuples, &rows, &settings).2;
+        assert!((2..11).contains(&clipped), "some rows are clipped and some are not: {clipped}");
+        let step = 1e-3;
+        let check = |name: &str, gradient: &[f32], nudge: &dyn Fn(&mut Policy, usize, f32), value: bool| {
+            let mut largest = 0.0f64;
+            for (i, &found) in gradient.iter().enumerate() {
+                let at = |by: f32| {
+                    let mut moved = policy.clone();
+                    nudge(&mut moved, i, by);
+                    let (objective, error, _) = loss(&moved, &tuples, &rows, &settings);
+                    if value { error } else { objective }
+                };
+                let expected = (at(step) - at(-step)) / (2.0 * f64::from(step));
+                largest = largest.max(expected.abs());
+                let off = (f64::from(found) - expected).abs();
+                assert!(off < 0.02 + 0.02 * expected.abs(), "{name} {i}: {found} for {expected}");
+            }
+            assert!(largest > 0.1, "{name}: something to be learnt");
+        };
+        check("policy", &chunk.policy_gradient, &|p, i, by| p.policy.parameters[i] += by, false);
+        check("log_std", &chunk.std_gradient, &|p, i, by| p.log_std[i] += by, false);
+        check("value", &chunk.value_gradient, &|p, i, by| p.value.parameters[i] += by, true);
+        // A second use of the same chunk begins anew.
+        let first = (chunk.policy_gradient.clone(), chunk.std_gradient.clone(), chunk.value_gradient.clone());
+        chunk.gradients(&policy, &tuples, &ADVANTAGES, &RETURNS, &rows, &settings);
+        assert_eq!(first, (chunk.policy_gradient, chunk.std_gradient, chunk.value_gradient));
+    }
+
+    #[test]
+    fn an_update_learns_the_states_and_keeps_the_spread_in_bounds() {
+        let (mut policy, mut tuples, mut settings) = small();
+        tuples.rewards = ADVANTAGES.to_vec();
+        tuples.ended = vec![true; 12];
+        tuples.last_states = vec![0.0; 24];
+        settings.epochs = 3;
+        settings.batch = 5;
+        policy.log_std[0] = 4.0;
+        policy.log_std[1] = -9.0;
+        let mut expected = policy.normalizer.clone();
+        expected.update(&tuples.states);
+        let (before, states) = (policy.clone(), tuples.states.clone());
+        let mut ppo = Ppo::new(&policy, &settings, 1);
+        ppo.update(&mut policy, &mut tuples, &settings, &Progress::new()).expect("not cancelled");
+        assert_eq!(policy.normalizer, expected);
+        assert_eq!(tuples.states, states, "a fresh normalizer changes nothing yet");
+        assert!(policy.log_std[0] <= 0.5 && policy.log_std[0] > 0.49, "{}", policy.log_std[0]);
+        assert!(policy.log_std[1] >= -3.5 && policy.log_std[1] < -3.49, "{}", policy.log_std[1]);
+        let moved = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        // Nine steps of at most the learning rate, or a little more, each.
+        let policy_moved = moved(&policy.policy.parameters, &before.policy.parameters);
+        let value_moved = moved(&policy.value.parameters, &before.value.parameters);
+        assert!(policy_moved > settings.policy_rate && policy_moved < 20.0 * settings.policy_rate);
+        assert!(value_moved > settings.value_rate && value_moved < 20.0 * settings.value_rate);
+        // The next update has the states as far from their mean as they vary.
+        tuples.states = states.clone();
+        ppo.update(&mut policy, &mut tuples, &settings, &Progress::new()).expect("not cancelled");
+        let mean = tuples.states.iter().step_by(2).sum::<f32>() / 12.0;
+        assert!(mean.abs() < 1e-4 && tuples.states != states);
+        let progress = Progress::new();
+        progress.cancel();
+        assert!(ppo.update(&mut policy, &mut tuples, &settings, &progress).is_err());
+    }
+
+    #[test]
+    fn values_are_in_units_of_the_reward() {
+        let (mut policy, tuples, _) = small();
+        policy.value.parameters.fill(0.0);
+        let last = policy.value.parameters.len() - 1;
+        policy.value.parameters[last] = 0.7;
+        let values = all_values(&policy, &tuples.states);
+        assert_eq!(values.len(), 12);
+        assert!(values.iter().all(|v| (v - 7.0).abs() < 1e-5), "{values:?}");
+    }
 }

@@ -141,3 +141,58 @@ pub(crate) fn valid_starts(environment: &Environment, spacing: f32) -> Vec<Initi
     }
     valid
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_world::{World, close, stop_cue};
+    use glam::Vec2;
+
+    #[test]
+    fn starts_are_where_one_can_stand() {
+        // A table in a corner, and a wall that shuts the far side off.
+        let boxes = [([1.0, 1.0, 0.0], [2.0, 2.0, 0.8]), ([-3.0, -1.6, 0.0], [3.0, -1.5, 2.0])];
+        let world = World::new(&boxes, Planar::default(), stop_cue(Vec2::new(-1.0, 1.0), 0.0));
+        let environment = world.environment();
+        let valid = valid_starts(&environment, 0.5);
+        for start in &valid {
+            let xy = start.position.truncate();
+            assert!(xy.y > -1.35 && xy.max_element() < 2.85 && xy.x > -2.85, "{xy}");
+            assert!((xy - 1.5).abs().max_element() > 0.6, "{xy}");
+            close(start.position.z, 0.0, 1e-4);
+            let cells = (xy + 3.0) / 0.5 - 0.5;
+            assert!((cells - cells.round()).abs().max_element() < 1e-3, "{xy}");
+        }
+        // Twelve columns and nine rows over the wall, of which the lowest stands at y = -1.25 and four places on the table.
+        assert_eq!(valid.len(), 12 * 9 - 4);
+    }
+
+    #[test]
+    fn a_start_counts_when_enough_of_its_trials_met_the_cue() {
+        let mut world = World::stop_ahead(0.8);
+        world.settings.termination.longest = 240;
+        let (environment, policy) = (world.environment(), world.proposed());
+        let run = |needed: usize| {
+            let settings = RobustnessSettings { spacing: 1.5, trials: 3, needed, spread: 1.0 };
+            robustness(&environment, &policy, &settings, 4, &Progress::new()).expect("not cancelled")
+        };
+        let all = run(1);
+        assert_eq!(all.starts.len(), 16);
+        let met: usize = all.starts.iter().map(|s| s.met).sum();
+        assert!(
+            met > 4 && all.starts.iter().all(|s| s.met + s.collisions + s.stalls <= 3),
+            "{:?}",
+            all.starts
+        );
+        for needed in [1, 2] {
+            let counts = all.starts.iter().filter(|s| s.met >= needed).count();
+            close(run(needed).ratio, counts as f32 / 16.0, 1e-6);
+        }
+        assert_eq!(run(4).ratio, 0.0);
+        let progress = Progress::new();
+        progress.cancel();
+        assert!(robustness(&environment, &policy, &RobustnessSettings::default(), 4, &progress).is_err());
+        let wrong = RobustnessSettings { trials: 0, ..Default::default() };
+        assert!(robustness(&environment, &policy, &wrong, 4, &Progress::new()).is_err());
+    }
+}

@@ -193,3 +193,115 @@ impl Group {
         out
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_world::World;
+
+    fn gathered(world: &World, times: usize, count: usize) -> Vec<Tuples> {
+        let environments = [world.environment()];
+        let policy = world.proposed();
+        let mut rollout = Rollout::new(&environments, 9);
+        (0..times).map(|_| rollout.gather(&environments, &policy, count, &Progress::new())).collect()
+    }
+
+    #[test]
+    fn tuples_stand_in_the_order_of_time() {
+        let mut world = World::stop_ahead(1.0);
+        world.settings.ppo.vary_start = 0.0;
+        let size = world.environment().state_size();
+        let width = TYPE_COUNT + world.settings.signal.vector_size();
+        let parts = gathered(&world, 3, 300);
+        let environments = GROUP_EPISODES * GROUPS;
+        for tuples in &parts {
+            // At least so many: two of each of the 256.
+            assert_eq!((tuples.per_environment, tuples.rewards.len()), (2, 2 * environments));
+            assert_eq!(tuples.states.len(), 2 * environments * size);
+            assert_eq!(tuples.last_states.len(), environments * size);
+            assert_eq!(tuples.proposals.len(), 2 * environments * width);
+            assert_eq!(tuples.vectors.len(), 2 * environments * (width - TYPE_COUNT));
+            let lengths = [
+                tuples.allowed.len(),
+                tuples.types.len(),
+                tuples.log_probabilities.len(),
+                tuples.ended.len(),
+            ];
+            assert_eq!(lengths, [2 * environments; 4]);
+            assert_eq!(tuples.episodes.len(), tuples.ended.iter().filter(|e| **e).count());
+            assert!(tuples.types.iter().zip(&tuples.allowed).all(|(t, allowed)| allowed[*t]));
+            assert!(tuples.episodes.iter().all(|e| e.own_start));
+        }
+        // What is seen last is what is seen first of the next tuples, environment by environment.
+        for pair in parts.windows(2) {
+            for environment in 0..environments {
+                let last = &pair[0].last_states[environment * size..(environment + 1) * size];
+                let first = 2 * environment * size;
+                assert_eq!(last, &pair[1].states[first..first + size]);
+            }
+        }
+        // Every episode begins at the start, where all states are one but for the moment that stands.
+        let starts: Vec<&[f32]> = parts[0].states.chunks_exact(2 * size).map(|s| &s[..size]).collect();
+        assert!(starts.iter().all(|s| s == &starts[0]));
+        let all: Vec<&EpisodeSummary> = parts.iter().flat_map(|p| &p.episodes).collect();
+        assert!(all.iter().any(|e| e.success && e.end == EpisodeEnd::Complete));
+        assert!(all.iter().all(|e| !e.success || e.end == EpisodeEnd::Complete));
+    }
+
+    #[test]
+    fn a_log_probability_is_that_of_what_was_drawn() {
+        let world = World::stop_ahead(1.0);
+        let policy = world.proposed();
+        let tuples = &gathered(&world, 1, 256)[0];
+        let (width, gaussian) = (TYPE_COUNT + policy.vector_size(), Gaussian::of(&policy.log_std));
+        for t in 0..tuples.rewards.len() {
+            // The policy adds nothing: the means are the proposals.
+            let mean = &tuples.proposals[t * width..(t + 1) * width];
+            let p = super::super::policy::type_probabilities(&mean[..TYPE_COUNT], tuples.allowed[t]);
+            let vector = &tuples.vectors[t * policy.vector_size()..(t + 1) * policy.vector_size()];
+            let expected = super::super::policy::log_probability(
+                &p,
+                tuples.types[t],
+                &mean[TYPE_COUNT..],
+                vector,
+                &gaussian,
+            );
+            assert!((tuples.log_probabilities[t] - expected).abs() < 1e-4);
+        }
+    }
+
+    #[test]
+    fn starts_vary_as_often_as_asked_and_environments_take_turns() {
+        let mut world = World::stop_ahead(1.0);
+        world.settings.ppo.vary_start = 0.25;
+        let environments = [world.environment(), world.environment(), world.environment()];
+        let rollout = Rollout::new(&environments, 3);
+        let slots: Vec<&Slot> = rollout.groups.iter().flat_map(|g| &g.slots).collect();
+        assert_eq!(slots.len(), GROUP_EPISODES * GROUPS);
+        let own = slots.iter().filter(|s| s.own_start).count();
+        assert!((172..213).contains(&own), "three quarters of 256: {own}");
+        for slot in &slots {
+            let at_start = slot.episode.character.planar == world.task.start.planar();
+            assert_eq!(at_start, slot.own_start);
+        }
+        for environment in 0..3 {
+            let count = slots.iter().filter(|s| s.environment == environment).count();
+            assert!((60..112).contains(&count), "a third of 256: {count}");
+        }
+        // Two groups play other episodes.
+        let facing = |g: usize| -> Vec<u32> {
+            rollout.groups[g].slots.iter().map(|s| s.episode.character.planar.yaw.to_bits()).collect()
+        };
+        assert_ne!(facing(0), facing(1));
+    }
+
+    #[test]
+    fn a_cancelled_rollout_ends() {
+        let world = World::stop_ahead(1.0);
+        let environments = [world.environment()];
+        let progress = Progress::new();
+        progress.cancel();
+        let tuples = Rollout::new(&environments, 9).gather(&environments, &world.proposed(), 256, &progress);
+        assert!(tuples.rewards.is_empty());
+    }
+}

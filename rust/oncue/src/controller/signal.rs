@@ -113,4 +113,60 @@ mod tests {
         assert!(steady.future[0].position.distance(goal / 3.0) < 1e-5);
         assert_eq!(signal.posture_offset, [Vec3::ZERO; 4]);
     }
+
+    #[test]
+    fn a_goal_by_hand() {
+        let settings = SignalSettings::default();
+        let mut vector = vec![0.0; settings.vector_size()];
+        vector[..3].copy_from_slice(&[0.25, -0.5, 0.5]);
+        let signal = settings.decode(ActionType::Stop, &vector, Vec2::new(0.6, 0.0));
+        assert_eq!(signal.action_type, ActionType::Stop);
+        let goal = Vec2::new(0.4, -0.8);
+        for (future, s) in signal.future.iter().zip([1.0f32 / 3.0, 2.0 / 3.0, 1.0]) {
+            // Hermite's cubic: from 0 with the velocity to the goal with the goal's.
+            let (h01, h10, h11) =
+                (3.0 * s * s - 2.0 * s.powi(3), s - 2.0 * s * s + s.powi(3), s.powi(3) - s * s);
+            let expected = goal * (h01 + h11) + Vec2::new(0.6, 0.0) * h10;
+            assert!(future.position.distance(expected) < 1e-5, "{future:?} {expected}");
+            assert!((future.yaw - 1.1 * s * (2.0 - s)).abs() < 1e-5);
+        }
+        // No farther than it reaches, and no more turned.
+        vector[..3].copy_from_slice(&[3.0, 4.0, -7.0]);
+        let far = settings.decode(ActionType::Walk, &vector, Vec2::ZERO).future[2];
+        assert!(far.position.distance(Vec2::new(0.96, 1.28)) < 1e-5 && (far.yaw + 2.2).abs() < 1e-5);
+    }
+
+    #[test]
+    fn points_face_along_their_path() {
+        let settings =
+            SignalSettings { future_form: FutureForm::Points, reach: 2.0, ..SignalSettings::default() };
+        assert_eq!((settings.future_size(), settings.vector_size()), (6, 18));
+        let mut vector = vec![0.0; 18];
+        vector[..6].copy_from_slice(&[0.2, 0.0, 0.21, 0.0, 0.21, -0.4]);
+        let future = settings.decode(ActionType::Walk, &vector, Vec2::ZERO).future;
+        // To +X, which one faces turned by a quarter; 2 cm on the spot; then to -Y.
+        for (point, (x, y, yaw)) in
+            future.iter().zip([(0.4, 0.0, PI / 2.0), (0.42, 0.0, PI / 2.0), (0.42, -0.8, 0.0)])
+        {
+            assert!(point.position.distance(Vec2::new(x, y)) < 1e-5);
+            assert!((point.yaw - yaw).abs() < 1e-5, "{point:?}");
+        }
+        let mut out = vec![0.0; 6];
+        settings.encode_goal(Vec2::new(0.0, -1.2), 0.3, Vec2::new(0.0, -1.2), &mut out);
+        for (found, expected) in out.iter().zip([0.0, -0.2, 0.0, -0.4, 0.0, -0.6]) {
+            assert!((found - expected).abs() < 1e-5, "{out:?}");
+        }
+    }
+
+    #[test]
+    fn arms_turn_as_far_as_allowed() {
+        let mut settings =
+            SignalSettings { offset_scale: 0.5, largest_offset: 0.8, ..SignalSettings::default() };
+        let mut vector = vec![0.0; settings.vector_size()];
+        vector[3..9].copy_from_slice(&[0.4, -1.0, 9.0, -9.0, 0.2, 0.0]);
+        let offset = settings.decode(ActionType::Walk, &vector, Vec2::ZERO).posture_offset;
+        assert_eq!(offset, [Vec3::new(0.2, -0.5, 0.8), Vec3::new(-0.8, 0.1, 0.0), Vec3::ZERO, Vec3::ZERO]);
+        settings.posture_offset = false;
+        assert_eq!(settings.decode(ActionType::Walk, &vector, Vec2::ZERO).posture_offset, [Vec3::ZERO; 4]);
+    }
 }

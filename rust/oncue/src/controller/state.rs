@@ -281,3 +281,346 @@ fn propose(
     let slow = (1.25 - facing.abs() / PI).clamp(0.2, 1.0);
     settings.encode_goal(local * slow, turn, velocity, vector);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::Settings;
+    use crate::test_world::{
+        Boxes, SITS_AT, SITS_BACK, STANDS, World, close, database, frame_of, sit_cue, stop_cue,
+    };
+    use glam::Vec3;
+    use std::f32::consts::FRAC_PI_2;
+
+    fn standing(start: Planar) -> Character {
+        Character::standing(database(), frame_of("stand", 0), start, 0.0)
+    }
+
+    fn look(world: &World, character: &Character) -> (Vec<f32>, Observation) {
+        let environment = world.environment();
+        let mut out = vec![f32::NAN; environment.state_size()];
+        let observation = observe(&environment, character, &character.posture, None, &mut out);
+        assert!(out.iter().all(|v| v.is_finite()));
+        (out, observation)
+    }
+
+    const VIEW: usize = BODY_SIZE;
+    const CELLS: usize = 9 * 9;
+    const INTERACTION: usize = VIEW + 2 * CELLS;
+    const PATH: usize = INTERACTION + INTERACTION_SIZE;
+
+    /// The view of both spacings, row by row.
+    fn views(state: &[f32]) -> [&[f32]; 2] {
+        [&state[VIEW..VIEW + CELLS], &state[VIEW + CELLS..INTERACTION]]
+    }
+
+    #[test]
+    fn a_wall_is_seen_on_its_side() {
+        // Facing +X: the right hand is at -Y, behind is -X.
+        let here = Planar::new(Vec2::new(0.4, 0.2), FRAC_PI_2);
+        let (row, column) = (|i: usize| i / 9, |i: usize| i % 9);
+        let sides: [(&Boxes, &dyn Fn(usize) -> i32); 4] = [
+            (&[([-2.9, -2.9, 0.0], [2.9, -0.7, 1.0])], &|i| 4 - column(i) as i32),
+            (&[([-2.9, 1.1, 0.0], [2.9, 2.9, 1.0])], &|i| column(i) as i32 - 4),
+            (&[([1.3, -2.9, 0.0], [2.9, 2.9, 1.0])], &|i| 4 - row(i) as i32),
+            (&[([-2.9, -2.9, 0.0], [-0.5, 2.9, 1.0])], &|i| row(i) as i32 - 4),
+        ];
+        for (boxes, towards) in sides {
+            let world = World::new(boxes, here, stop_cue(Vec2::new(0.5, 0.0), 0.0));
+            let (state, _) = look(&world, &standing(here));
+            for (view, spacing) in views(&state).into_iter().zip([0.15, 0.45]) {
+                for (i, seen) in view.iter().enumerate() {
+                    // The wall is 0.9 m away on its side: half a metre before it all is free, in it nothing.
+                    let away = 0.9 - spacing * towards(i) as f32;
+                    let edge = spacing * 4.0 > 1.5 && away > 1.5;
+                    let expected = 1.0 - (away / 0.5).clamp(0.0, 1.0);
+                    if !edge {
+                        close(*seen, expected, 0.12);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_view_is_one_less_the_clearance_there() {
+        let boxes = [([0.3, -1.0, 0.0], [0.9, -0.4, 1.0]), ([-1.4, 0.2, 0.0], [-0.6, 1.5, 1.0])];
+        let here = Planar::new(Vec2::new(-0.2, -0.3), 0.6);
+        let world = World::new(&boxes, here, stop_cue(Vec2::new(2.0, 0.0), 0.0));
+        let (state, _) = look(&world, &standing(here));
+        let (sin, cos) = 0.6f32.sin_cos();
+        for (view, spacing) in views(&state).into_iter().zip([0.15, 0.45]) {
+            for (i, seen) in view.iter().enumerate() {
+                let (x, y) = (spacing * ((i % 9) as f32 - 4.0), spacing * ((i / 9) as f32 - 4.0));
+                let place = Vec2::new(-0.2 + cos * x - sin * y, -0.3 + sin * x + cos * y);
+                let clearance = world.scene.occupancy().clearance(place);
+                close(*seen, 1.0 - (2.0 * clearance).min(1.0), 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn the_cue_is_seen_from_the_person() {
+        let here = Planar::new(Vec2::new(1.0, -1.0), FRAC_PI_2);
+        let mut world = World::new(&[], here, stop_cue(Vec2::new(3.0 - 0.2, -0.5), FRAC_PI_2 + 0.5));
+        world.task.start.position.z = 0.0;
+        let mut character = standing(here);
+        character.floor = 0.02;
+        world.task.cue.position.z = 0.3;
+        let (state, observation) = look(&world, &character);
+        let s = &state[INTERACTION..PATH];
+        // Ahead is +X, which is -Y for the person; +Y is to the left, which is +X.
+        let (local, distance) = (Vec2::new(0.5, -1.8), Vec2::new(0.5, -1.8).length());
+        close(s[0], local.x / distance, 1e-5);
+        close(s[1], local.y / distance, 1e-5);
+        close(s[2], local.x / 3.0, 1e-5);
+        close(s[3], local.y / 3.0, 1e-5);
+        close(s[4], 0.5f32.sin(), 1e-5);
+        close(s[5], -0.5f32.cos(), 1e-5);
+        close(s[6], 0.28, 1e-5);
+        close(s[7], distance / 3.0, 1e-5);
+        // From so far away no stop is open: refused, and as bad as it is said.
+        assert!(observation.action.is_none());
+        assert_eq!(s[8..13], [0.0, 2.0, PI, 0.5, 3.0]);
+        assert_eq!(s[13..], [0.0, 1.0]);
+        assert_eq!(observation.allowed, [true, false, false]);
+        // Close to it the place is not stretched, and far from it it is cut off.
+        let near = look(&world, &standing(Planar::new(Vec2::new(2.6, -0.8), FRAC_PI_2))).0;
+        close(near[INTERACTION], 0.3, 1e-5);
+        close(near[INTERACTION + 1], -0.2, 1e-5);
+        world.task.cue.position = Vec3::new(9.0, -1.0, 0.0);
+        let far = look(&world, &standing(here)).0;
+        close(far[INTERACTION + 3], -2.0, 1e-5);
+        assert_eq!(far[INTERACTION + 7], 2.0);
+    }
+
+    #[test]
+    fn the_body_is_seen() {
+        let here = Planar::new(Vec2::new(0.5, 1.0), 0.9);
+        let world = World::new(&[], here, stop_cue(Vec2::new(2.0, 0.0), 0.0));
+        let mut character = Character::standing(database(), frame_of("walk", 5), here, 0.0);
+        for _ in 0..3 {
+            character.advance(database(), &Default::default());
+        }
+        character.contact = [0.5, 1.0];
+        let (state, _) = look(&world, &character);
+        let feature = character.pose_feature();
+        close(state[0], 0.0, 1e-3);
+        close(state[1], STANDS, 1e-5);
+        for i in 0..15 {
+            close(state[2 + i], feature[i], 1e-6);
+            close(state[17 + i], 0.3 * feature[15 + i], 1e-6);
+        }
+        assert_eq!(state[32..34], [0.5, 1.0]);
+        // 4 cm a frame ahead.
+        close(state[34], 0.0, 1e-3);
+        close(state[35], -1.2, 1e-3);
+    }
+
+    #[test]
+    fn the_papers_state_has_rotations_and_the_place_in_the_scene() {
+        let here = Planar::new(Vec2::new(1.5, -2.0), 0.0);
+        let mut world = World::new(&[], here, stop_cue(Vec2::new(2.0, 0.0), 0.0));
+        let mut other = Settings::preset("paper").expect("a preset").state;
+        other.view_cells = 3;
+        world.settings.state = other;
+        let environment = world.environment();
+        let size = BODY_SIZE + 2 * 6 * 21 + 9 + 2 + INTERACTION_SIZE;
+        assert_eq!(environment.state_size(), size);
+        let mut character = standing(here);
+        let before = character.posture;
+        character.posture.rotations[1] = glam::Quat::from_rotation_z(0.1);
+        let mut out = vec![f32::NAN; size];
+        observe(&environment, &character, &before, None, &mut out);
+        let rotations = &out[BODY_SIZE..];
+        // The first columns of a turn by 0.1 about Z, and a fifth of their speed.
+        let (sin, cos) = 0.1f32.sin_cos();
+        for (seen, now) in rotations.iter().zip([cos, sin, 0.0, -sin, cos, 0.0]) {
+            close(*seen, now, 1e-5);
+        }
+        for (seen, change) in rotations[6..].iter().zip([cos - 1.0, sin, 0.0, -sin, cos - 1.0, 0.0]) {
+            close(*seen, 6.0 * change, 1e-4);
+        }
+        assert!(rotations[18..24].iter().all(|v| v.abs() < 1e-6), "nothing else moved");
+        let place = &out[BODY_SIZE + 252 + 9..];
+        close(place[0], 0.75, 1e-4);
+        close(place[1], 1.0 / 6.0, 1e-4);
+    }
+
+    #[test]
+    fn the_way_is_seen_from_the_person() {
+        // Straight ahead of who faces +X, 1.6 m.
+        let here = Planar::new(Vec2::new(-1.0, 0.5), FRAC_PI_2);
+        let world = World::new(&[], here, stop_cue(Vec2::new(0.6, 0.5), FRAC_PI_2 + 0.4));
+        let (state, _) = look(&world, &standing(here));
+        let s = &state[PATH..];
+        close(s[0], 1.6 / 3.0, 0.02);
+        for (i, (x, y)) in [(0.0, -1.0), (0.0, -1.0), (0.0, -0.8)].into_iter().enumerate() {
+            close(s[1 + 2 * i], x, 0.06);
+            close(s[2 + 2 * i], y, 0.06);
+        }
+        close(s[7], 0.4f32.sin(), 1e-5);
+        close(s[8], 0.4f32.cos(), 1e-5);
+        // Where no way leads the points are where one stands.
+        let world =
+            World::new(&[([-0.2, -3.0, 0.0], [0.2, 3.0, 2.0])], here, stop_cue(Vec2::new(2.0, 0.5), 0.0));
+        let (state, _) = look(&world, &standing(here));
+        assert_eq!(state[PATH], 3.0);
+        assert!(state[PATH + 1..PATH + 7].iter().all(|v| v.abs() < 1e-6));
+    }
+
+    #[test]
+    fn a_sit_is_open_where_its_end_is_near_the_cue() {
+        let action = |change: &dyn Fn(&mut World)| {
+            let mut world = World::stool();
+            change(&mut world);
+            let (state, observation) = look(&world, &standing(Planar::default()));
+            let accepted = observation.action.is_some_and(|a| a.accepted);
+            assert_eq!(observation.allowed, [true, accepted, false]);
+            assert_eq!(state[INTERACTION + 8], f32::from(u8::from(accepted)));
+            if let Some(a) = observation.action {
+                close(state[INTERACTION + 9], a.position.min(2.0), 1e-6);
+                close(state[INTERACTION + 10], a.direction, 1e-6);
+                close(state[INTERACTION + 11], a.height.min(0.5), 1e-6);
+                close(state[INTERACTION + 12], a.posture.min(3.0), 1e-6);
+            }
+            assert_eq!(state[INTERACTION + 13..PATH], [1.0, 0.0]);
+            (observation.action, accepted)
+        };
+        let (exact, accepted) = action(&|_| ());
+        let exact = exact.expect("a sit");
+        assert!(
+            accepted && exact.position < 0.1 && exact.direction < 0.02 && exact.height < 0.02,
+            "{exact:?}"
+        );
+        // Each limit by itself: just within it, and just beyond.
+        let limits: [(&str, f32, &dyn Fn(&mut World, f32)); 4] = [
+            ("position", 0.30, &|w, x| w.task.cue.position.x += x),
+            ("direction", 0.5, &|w, x| w.task.cue.yaw += x),
+            ("direction", 0.5, &|w, x| w.task.cue.yaw -= x),
+            ("height", 0.08, &|w, x| w.task.cue.position.z += x),
+        ];
+        for (name, limit, shift) in limits {
+            let (near, accepted) = action(&|w| shift(w, 0.9 * limit));
+            let near = near.expect("a sit");
+            assert!(accepted, "{name}: {near:?}");
+            let (far, accepted) = action(&|w| shift(w, 1.1 * limit));
+            let far = far.expect("a sit");
+            assert!(!accepted, "{name}: {far:?}");
+            let of = |a: &ActionMatch| match name {
+                "position" => a.position,
+                "direction" => a.direction,
+                _ => a.height,
+            };
+            close(of(&far), 1.1 * limit, 0.05 * limit);
+            close(of(&near), 0.9 * limit, 0.05 * limit);
+        }
+        // And the transition, of who comes walking: 1.2 m/s of feet, hands and head, and feet in the air.
+        let mut walks =
+            Character::standing(database(), frame_of("walk", 5), Planar::new(Vec2::Y * 0.12, 0.0), 0.0);
+        (0..3).for_each(|_| walks.advance(database(), &Default::default()));
+        let mut world = World::stool();
+        let posture = look(&world, &walks).1.action.expect("a sit").posture;
+        assert!(posture > 0.3, "{posture}");
+        for (limit, accepted) in [(1.05 * posture, true), (0.95 * posture, false)] {
+            world.settings.synthesizer.refuse_posture = limit;
+            assert_eq!(look(&world, &walks).1.action.expect("a sit").accepted, accepted);
+        }
+        // From farther than it reaches there is none to look for.
+        assert!(action(&|w| w.task.cue.position.y += SITS_BACK + 0.7).0.is_none());
+    }
+
+    #[test]
+    fn the_height_of_a_stop_says_nothing() {
+        let mut world = World::stop_ahead(0.5);
+        world.task.cue.position.z = 0.4;
+        let mut character = Character::standing(database(), frame_of("walk", 0), Planar::default(), 0.0);
+        for _ in 0..5 {
+            character.advance(database(), &Default::default());
+        }
+        let (_, observation) = look(&world, &character);
+        let action = observation.action.expect("a stop");
+        assert!(action.accepted && action.height == 0.0, "{action:?}");
+        assert_eq!(observation.allowed, [true, false, true]);
+    }
+
+    #[test]
+    fn the_clear_way_is_proposed() {
+        // Two metres to the left of who faces -Y.
+        let world = World::new(&[], Planar::default(), stop_cue(Vec2::new(2.0, 0.0), 0.3));
+        let (_, observation) = look(&world, &standing(Planar::default()));
+        let (signal, p) = (&world.settings.signal, &observation.proposal);
+        assert_eq!(p.len(), TYPE_COUNT + signal.vector_size());
+        assert_eq!(p[..TYPE_COUNT], [0.0, 0.0, -4.0]);
+        // A quarter turn to the left; for that 1.05 m become 1.25 - 0.5 of it.
+        close(p[TYPE_COUNT], 0.75 * signal.pace / signal.reach, 0.03);
+        close(p[TYPE_COUNT + 1], 0.0, 0.03);
+        close(p[TYPE_COUNT + 2], FRAC_PI_2 / signal.largest_turn, 0.03);
+        assert!(p[TYPE_COUNT + 3..].iter().all(|v| *v == 0.0));
+        // Straight behind: the turn is cut off, and the stride shortest.
+        let world = World::new(&[], Planar::default(), stop_cue(Vec2::new(-0.01, 2.0), 0.3));
+        let p = look(&world, &standing(Planar::default())).1.proposal;
+        close(p[TYPE_COUNT + 2].abs(), 1.0, 1e-5);
+        close(p[TYPE_COUNT + 1], 0.25 * signal.pace / signal.reach, 0.03);
+        // Close to the cue one goes slower, and turns as it asks.
+        let world = World::new(&[], Planar::default(), stop_cue(Vec2::new(0.0, -0.3), 0.3));
+        let (_, observation) = look(&world, &standing(Planar::default()));
+        let p = observation.proposal;
+        close(p[TYPE_COUNT + 2], 0.3 / signal.largest_turn, 1e-4);
+        close(p[TYPE_COUNT + 1], -(1.25 - 0.3 / PI).min(1.0) * 0.3 / signal.reach, 0.04);
+        // Nothing is proposed where the settings say so.
+        let mut world = World::new(&[], Planar::default(), stop_cue(Vec2::new(2.0, 0.0), 0.3));
+        world.settings.signal.propose_clear_path = false;
+        let p = look(&world, &standing(Planar::default())).1.proposal;
+        assert!(p.iter().all(|v| *v == 0.0));
+    }
+
+    #[test]
+    fn an_open_sit_is_proposed_by_its_fit() {
+        for shift in [0.0, 0.2] {
+            let mut world = World::stool();
+            world.task.cue = sit_cue();
+            world.task.cue.position = Vec3::new(0.0, SITS_BACK + shift, SITS_AT);
+            let (_, observation) = look(&world, &standing(Planar::default()));
+            let a = observation.action.expect("a sit");
+            let fit = a.position / 0.15 + a.direction / 0.3 + a.posture / 0.6;
+            close(observation.proposal[1], 2.0 - 1.5 * fit, 1e-4);
+            assert!((observation.proposal[1] > 0.9) == (shift == 0.0), "{}", observation.proposal[1]);
+        }
+    }
+
+    #[test]
+    fn where_no_way_leads_the_cue_itself_is_proposed() {
+        let wall = [([-0.2, -3.0, 0.0], [0.2, 3.0, 2.0])];
+        let here = Planar::new(Vec2::new(-2.0, 0.0), FRAC_PI_2);
+        let world = World::new(&wall, here, stop_cue(Vec2::new(0.0 + 1.0, 0.0), 0.0));
+        let p = look(&world, &standing(here)).1.proposal;
+        assert!(p[TYPE_COUNT + 1] < -0.5, "{p:?}");
+        close(p[TYPE_COUNT], 0.0, 1e-4);
+    }
+
+    #[test]
+    fn before_a_seat_of_one_side_one_turns_the_back_to_it() {
+        // A stool between table and wall: only its sides are free.
+        let boxes = [
+            ([-0.2, -0.2, 0.42], [0.2, 0.2, 0.46]),
+            ([-0.8, -1.1, 0.68], [0.8, -0.35, 0.74]),
+            ([-0.8, 0.25, 0.0], [0.8, 0.3, 2.0]),
+        ];
+        let mut cue = sit_cue();
+        cue.position = Vec3::new(0.0, 0.0, 0.56);
+        let mut world = World::new(&boxes, Planar::new(Vec2::new(2.0, 0.0), -FRAC_PI_2), cue);
+        let way = world.environment().path.clone();
+        assert!(way.from_the_side());
+        let end_from = |place| way.arrival_at(way.point_ahead(place, 2.0)).expect("a place to stand");
+        let arrival = end_from(end_from(Vec2::new(0.6, 0.0)).position);
+        // There, facing the seat, what is proposed is to turn away from it.
+        let here = Planar::new(arrival.position, arrival.yaw + 0.8);
+        world.task.start.position = here.position.extend(0.0);
+        assert!(arrival.position.distance(end_from(arrival.position).position) < 0.1);
+        let (state, observation) = look(&world, &standing(here));
+        close(observation.proposal[TYPE_COUNT + 2], -0.8 / world.settings.signal.largest_turn, 0.02);
+        close(state[PATH + 7], -0.8f32.sin(), 0.02);
+        close(state[PATH + 8], 0.8f32.cos(), 0.02);
+    }
+}

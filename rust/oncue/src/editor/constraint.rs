@@ -316,4 +316,90 @@ mod tests {
         assert_eq!(pin.rotations, [Quat::from_xyzw(0.8, 0.0, 0.0, 0.6)]);
         assert_eq!(serde_json::from_str::<Constraint>(&serde_json::to_string(&pin).unwrap()).unwrap(), pin);
     }
+
+    #[test]
+    fn what_is_just_allowed_and_just_not() {
+        let motion = still(20);
+        let check = |c: Constraint| check_constraints(&motion, &[c]);
+        let far = |x: f32| hand("Far", 3, &[Vec3::new(0.0, x, 0.0)]);
+        assert!(check(far(0.99e5)).is_ok() && check(far(-1.01e5)).is_err());
+        let step = |x: f32| hand("Step", 3, &[Vec3::ZERO, Vec3::X * x]);
+        assert!(check(step(0.133)).is_ok() && check(step(0.135)).is_err());
+        let turn = |angle: f32| {
+            let rotations = vec![Quat::IDENTITY, Quat::from_rotation_y(angle)];
+            Constraint { rotations, ..hand("Turn", 3, &[]) }
+        };
+        assert!(check(turn(0.79)).is_ok());
+        let said = check(turn(0.81)).unwrap_err().to_string();
+        assert!(said.contains("46° between frames 3 and 4") && said.contains("at most 46°"), "{said}");
+        let scaled =
+            |length: f32| Constraint { rotations: vec![Quat::IDENTITY * length], ..hand("Q", 3, &[]) };
+        assert!(
+            check(scaled(1.009)).is_ok() && check(scaled(1.011)).is_err() && check(scaled(0.98)).is_err()
+        );
+        let faces =
+            |joint: Joint, facing: f32| Constraint { joint, facings: vec![facing], ..hand("F", 3, &[]) };
+        assert!(check(faces(Joint::Hips, 1.0)).is_ok() && check(faces(Joint::Hips, f32::NAN)).is_err());
+        assert!(check(faces(Joint::Head, 1.0)).unwrap_err().to_string().contains("only the Hips"));
+        assert!(check(Constraint { offset: Vec3::NAN, ..hand("O", 3, &[Vec3::ZERO]) }).is_err());
+        // The last frame there is.
+        assert!(
+            check(hand("End", 19, &[Vec3::ZERO])).is_ok() && check(hand("End", 20, &[Vec3::ZERO])).is_err()
+        );
+        // One of two lists may be left out, and none may be shorter.
+        let both = Constraint { rotations: vec![Quat::IDENTITY; 2], ..hand("Both", 3, &[Vec3::ZERO; 2]) };
+        assert!(check(both.clone()).is_ok());
+        assert!(check(Constraint { facings: vec![0.0], ..both }).is_err());
+    }
+
+    #[test]
+    fn two_targets_of_one_joint_may_differ_by_a_hair() {
+        let motion = still(20);
+        let pair = |a: Constraint, b: Constraint| check_constraints(&motion, &[a, b]);
+        let at = |x: f32| hand("A", 3, &[Vec3::X * x]);
+        assert!(pair(at(0.0), at(0.0009)).is_ok() && pair(at(0.0), at(0.0011)).is_err());
+        let turned =
+            |angle: f32| Constraint { rotations: vec![Quat::from_rotation_x(angle)], ..hand("T", 3, &[]) };
+        assert!(pair(turned(0.0), turned(0.0049)).is_ok());
+        let said = pair(turned(0.0), turned(0.5)).unwrap_err().to_string();
+        assert!(said.contains("LeftHand on frame 3, 29° apart"), "{said}");
+        // Two points of one joint are as far apart as they are in it, and no farther.
+        let other = |x: f32| Constraint { offset: Vec3::Y * 0.1, ..at(x) };
+        assert!(pair(at(0.0), other(0.1)).is_ok() && pair(at(0.0), other(0.102)).is_err());
+        // Another joint, another frame, or a wish: nothing to refuse.
+        let head = Constraint { joint: Joint::Head, ..at(1.0) };
+        let later = Constraint { first_frame: 4, ..at(1.0) };
+        let wish = Constraint { soft: true, ..at(1.0) };
+        assert!(pair(at(0.0), head).is_ok() && pair(at(0.0), later).is_ok() && pair(at(0.0), wish).is_ok());
+    }
+
+    #[test]
+    fn a_constraint_speaks_of_its_frames() {
+        let c = Constraint {
+            rotations: vec![Quat::from_rotation_z(0.1), Quat::from_rotation_z(0.2)],
+            facings: vec![0.3, 0.4],
+            ..hand("A", 5, &[Vec3::X, Vec3::Y])
+        };
+        assert_eq!(c.frames(), 5..7);
+        assert_eq!([4, 5, 6, 7].map(|f| c.position(f)), [None, Some(Vec3::X), Some(Vec3::Y), None]);
+        assert_eq!([4, 6, 7].map(|f| c.rotation(f)), [None, Some(c.rotations[1]), None]);
+        assert_eq!([4, 6, 7].map(|f| c.facing(f)), [None, Some(0.4), None]);
+        let pose = Posture::default().pose();
+        let palm = Constraint { offset: Vec3::Z * 0.1, ..c };
+        assert_eq!(palm.point(&pose), pose.position(Joint::LeftHand) + Vec3::Z * 0.1);
+    }
+
+    #[test]
+    fn a_motion_that_no_body_can_have_is_refused() {
+        assert!(check_numbers(&still(3), 0.0).is_ok() && check_numbers(&still(3), -99.0).is_ok());
+        assert!(check_numbers(&still(0), 0.0).unwrap_err().to_string().contains("no frames"));
+        assert!(check_numbers(&still(3), f32::INFINITY).is_err() && check_numbers(&still(3), 2e5).is_err());
+        let mut scaled = still(3);
+        scaled.postures[2].rotations[4] = Quat::IDENTITY * 1.02;
+        assert!(check_numbers(&scaled, 0.0).unwrap_err().to_string().contains("frame 2"));
+        scaled.postures[2].rotations[4] = Quat::IDENTITY * 1.005;
+        assert!(check_numbers(&scaled, 0.0).is_ok());
+        scaled.postures[1].root_position.x = 2e5;
+        assert!(check_numbers(&scaled, 0.0).unwrap_err().to_string().contains("frame 1"));
+    }
 }

@@ -572,3 +572,395 @@ pub(crate) fn constraint_figures(c: &Constraint, motion: &Motion) -> ConstraintF
         met: max(&places).is_none_or(|m| m <= 1.0) && max(&turns).is_none_or(|m| m <= 3.0),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::editor::latent::SearchFigures;
+    use crate::manifold::Manifold;
+    use crate::motion::JOINT_COUNT;
+    use crate::test_world::{SITS_AT, close, person, still};
+    use glam::Vec2;
+
+    fn hand(first: usize, places: &[Vec3]) -> Constraint {
+        Constraint::positions("Lid", Joint::LeftHand, first, places.to_vec())
+    }
+
+    /// The place of the left hand of who stands, and so far from there.
+    fn near(by: Vec3) -> Vec3 {
+        still(1).postures[0].pose().position(Joint::LeftHand) + by
+    }
+
+    fn settings() -> EditorSettings {
+        EditorSettings {
+            blend_seconds: 0.2,
+            reach_seconds: 0.1,
+            reach_seconds_per_metre: 1.0,
+            manifold: false,
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn a_reach_takes_its_time() {
+        let s = EditorSettings {
+            reach_seconds: 0.6,
+            reach_seconds_per_metre: 0.3,
+            blend_seconds: 0.7,
+            ..settings()
+        };
+        // 0.6 + 0.3 · 1 s, and never less than the blend.
+        assert_eq!((reach_frames(1.0, &s), reach_frames(0.0, &s), reach_frames(2.0, &s)), (27, 21, 36));
+    }
+
+    #[test]
+    fn the_span_is_what_is_asked_with_the_ways_there_and_back() {
+        let motion = still(60);
+        // 0.3 m away at first, 0.5 m at last: 0.4 s and 0.6 s.
+        let c = hand(30, &[near(Vec3::Y * -0.3), near(Vec3::Y * -0.4), near(Vec3::Y * -0.5)]);
+        assert_eq!(span(&motion, std::slice::from_ref(&c), &settings()), 18..51);
+        assert_eq!(whole_span(&motion, std::slice::from_ref(&c), &settings()), 18..51);
+        // With a second one at the ends: no farther than the motion, but for the way back.
+        let late = Constraint { joint: Joint::RightHand, ..hand(58, &[near(Vec3::ZERO)]) };
+        let early = Constraint { rotations: vec![Quat::IDENTITY], ..hand(2, &[]) };
+        let all = [c, late, early];
+        let whole = whole_span(&motion, &all, &settings());
+        assert!(whole.start == 0 && whole.end > 60, "{whole:?}");
+        assert_eq!(span(&motion, &all, &settings()), 0..60);
+        assert_eq!(asked(&all), Some((2, 59)));
+        assert_eq!((span(&motion, &[], &settings()), asked(&[])), (0..0, None));
+    }
+
+    #[test]
+    fn an_edit_fades_in_and_out() {
+        let motion = still(60);
+        let c = [hand(30, &[near(Vec3::ZERO); 3])];
+        let s = settings();
+        let edit = Edit::new(&motion, &c, 0.0, &s);
+        // 0.2 s are six frames to either side.
+        assert_eq!(edit.span, 24..39);
+        assert_eq!(edit.joins(), [true, true]);
+        for frame in 24..39 {
+            let t = match frame {
+                24..30 => (frame - 23) as f32 / 7.0,
+                33..39 => (39 - frame) as f32 / 7.0,
+                _ => 1.0,
+            };
+            close(edit.fade(frame), t * t * (3.0 - 2.0 * t), 1e-5);
+        }
+        // At the motion's ends it begins and ends with what is asked.
+        let c = [hand(3, &[near(Vec3::ZERO); 57])];
+        let edit = Edit::new(&motion, &c, 0.0, &s);
+        assert_eq!((edit.span.clone(), edit.joins()), (0..60, [false, false]));
+        assert!((0..60).all(|f| edit.fade(f) == 1.0));
+        // Later than twelve frames the first frame is kept.
+        let c = [hand(13, &[near(Vec3::Y * -0.9)])];
+        let edit = Edit::new(&motion, &c, 0.0, &s);
+        assert_eq!((edit.span.start, edit.joins()), (0, [true, true]));
+        let c = [hand(12, &[near(Vec3::Y * -0.9)])];
+        assert_eq!(Edit::new(&motion, &c, 0.0, &s).joins(), [false, true]);
+    }
+
+    /// The ways' wishes: frame, joint and how far from where the joint was.
+    fn ways(edit: &Edit) -> Vec<(usize, Joint, Vec3)> {
+        let own = |frame: usize, joint| edit.motion.postures[frame].pose().position(joint);
+        edit.ways()
+            .into_iter()
+            .map(|(frame, term)| match term {
+                Term::Point { joint, target, sigma, .. } => {
+                    assert_eq!(sigma, Vec3::splat(WAY_SIGMA));
+                    (frame, joint, target - own(frame, joint))
+                }
+                _ => panic!("a way is of points"),
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_hand_goes_there_and_back_with_the_least_jerk() {
+        let motion = still(60);
+        let away = Vec3::Y * -0.3;
+        let (c, s) = ([hand(30, &[near(away); 2])], settings());
+        let edit = Edit::new(&motion, &c, 0.0, &s);
+        let ways = ways(&edit);
+        // 0.4 s there, from frame 18 (from where it was) to 30, and back from 31 to 43.
+        let ease = |t: f32| t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
+        let mut expected = Vec::new();
+        expected.extend((19..30).map(|f| (f, 1.0 - ease((30 - f) as f32 / 12.0))));
+        expected.extend((32..43).map(|f| (f, 1.0 - ease((f - 31) as f32 / 12.0))));
+        assert_eq!(
+            ways.iter().map(|w| w.0).collect::<Vec<_>>(),
+            expected.iter().map(|e| e.0).collect::<Vec<_>>()
+        );
+        for ((_, joint, moved), (frame, share)) in ways.iter().zip(expected) {
+            assert_eq!(*joint, Joint::LeftHand);
+            assert!(moved.distance(away * share) < 1e-4, "{frame}: {moved} {share}");
+        }
+        assert_eq!((least_jerk(-1.0), least_jerk(0.5), least_jerk(2.0)), (0.0, 0.5, 1.0));
+    }
+
+    #[test]
+    fn between_two_places_a_hand_does_not_go_back() {
+        let motion = still(80);
+        let (a, b) = (Vec3::Y * -0.3, Vec3::Y * -0.5);
+        let s = settings();
+        let both = |second: usize| [hand(30, &[near(a)]), hand(second, &[near(b)])];
+        // 0.4 s and 0.6 s are 30 frames: within them it goes straight there.
+        let c = both(50);
+        let at = |c: &[Constraint], frame: usize| {
+            let edit = Edit::new(&motion, c, 0.0, &s);
+            ways(&edit).into_iter().filter(|w| w.0 == frame).map(|w| w.2.y).sum::<f32>()
+        };
+        close(at(&c, 40), -0.4, 1e-4);
+        close(at(&c, 31), -0.3 - 0.2 * least_jerk(0.05), 1e-4);
+        // Beyond it has the time to hang in between.
+        let c = both(70);
+        close(at(&c, 48), 0.0, 1e-4);
+        close(at(&c, 36), -0.15, 1e-4);
+        close(at(&c, 61), -0.25, 1e-4);
+        // Where the two overlap what is left of both adds up; feet and wishes have no such way.
+        let c = both(61);
+        close(at(&c, 42), -0.5 * (1.0 - least_jerk(19.0 / 18.0)), 1e-4);
+        close(
+            at(&c, 44),
+            -0.5 * (1.0 - least_jerk(17.0 / 18.0)) - 0.3 * (1.0 - least_jerk(14.0 / 12.0)),
+            1e-4,
+        );
+        let foot = Constraint { joint: Joint::LeftFoot, ..hand(30, &[Vec3::ZERO]) };
+        let wish = Constraint { soft: true, ..hand(30, &[near(a)]) };
+        let c = [foot, wish];
+        assert!(ways(&Edit::new(&motion, &c, 0.0, &s)).is_empty());
+    }
+
+    #[test]
+    fn the_pelvis_has_a_way_of_its_own() {
+        let motion = still(60);
+        let place = motion.postures[0].root_position + Vec3::new(0.0, 0.3, 0.0);
+        let (c, s) = ([Constraint::positions("Seat", Joint::Hips, 30, vec![place; 30])], settings());
+        let mut edit = Edit::new(&motion, &c, 0.0, &s);
+        edit.pelvis_way = vec![(28, place), (29, place)];
+        let ways = ways(&edit);
+        let frames: Vec<usize> = ways.iter().map(|w| w.0).collect();
+        assert_eq!(frames[..2], [28, 29]);
+        assert!(frames[2..].iter().all(|f| *f < 28) && frames.len() > 8, "{frames:?}");
+        assert!(ways[0].2.distance(Vec3::Y * 0.3) < 1e-5);
+    }
+
+    #[test]
+    fn a_hand_is_brought_to_its_place_and_all_else_stays() {
+        let motion = still(50);
+        let place = near(Vec3::new(0.05, -0.3, 0.35));
+        let (c, s) = ([hand(20, &[place; 4])], settings());
+        let edit = Edit::new(&motion, &c, 0.0, &s);
+        edit.check_reach(&c, &Progress::new()).expect("within reach");
+        let edited = edit.run(None::<&Manifold>, &Progress::new()).expect("not cancelled");
+        let span = edit.span.clone();
+        assert_eq!((edited.figures.first_frame, edited.figures.end_frame), (span.start, span.end));
+        assert!(edited.figures.search.is_none());
+        let figures = &edited.figures.constraints[0];
+        assert!(figures.met && figures.max_cm.expect("a place") < 0.2, "{figures:?}");
+        assert_eq!(edited.motion.postures[..span.start], motion.postures[..span.start]);
+        assert_eq!(edited.motion.postures[span.end..], motion.postures[span.end..]);
+        assert_eq!(edited.motion.contacts, motion.contacts);
+        for (frame, posture) in edited.motion.postures.iter().enumerate() {
+            let (pose, own) = (posture.pose(), motion.postures[frame].pose());
+            for toe in Joint::TOES {
+                assert!(pose.position(toe).distance(own.position(toe)) < 2e-3);
+            }
+            let hand = pose.position(Joint::LeftHand);
+            if (20..24).contains(&frame) {
+                assert!(hand.distance(place) < 2e-3, "{frame}: {}", hand.distance(place));
+            }
+            // Each rotation stays on the side that it was on.
+            let before = &motion.postures[frame].rotations;
+            assert!(posture.rotations.iter().zip(before).all(|(q, b)| q.dot(*b) >= 0.0));
+        }
+        // The way there is half done in its middle.
+        let half = edited.motion.postures[20 - (20 - span.start) / 2].pose().position(Joint::LeftHand);
+        let gone = half.distance(near(Vec3::ZERO)) / place.distance(near(Vec3::ZERO));
+        assert!((0.3..0.7).contains(&gone), "{gone}");
+    }
+
+    #[test]
+    fn what_is_out_of_reach_is_said_by_how_much_and_which_way() {
+        let motion = still(50);
+        let s = settings();
+        let refused = |by: Vec3| {
+            let c = [hand(20, &[near(by); 3])];
+            let edit = Edit::new(&motion, &c, 0.0, &s);
+            edit.check_reach(&c, &Progress::new())
+                .map_err(|e| (e.to_string(), matches!(e, Error::Unreachable(_))))
+        };
+        assert!(refused(Vec3::new(0.0, -0.4, 0.3)).is_ok());
+        let (said, unreachable) = refused(Vec3::new(0.0, -1.6, 0.4)).unwrap_err();
+        assert!(
+            unreachable && said.contains("‘Lid’") && said.contains("out of reach of the LeftHand"),
+            "{said}"
+        );
+        assert!(said.contains("towards the character") && said.contains("frame 2"), "{said}");
+        let (said, _) = refused(Vec3::new(1.8, 0.0, 0.6)).unwrap_err();
+        assert!(said.contains("m to the character's right"), "{said}");
+        let (said, _) = refused(Vec3::Z * 2.2).unwrap_err();
+        assert!(said.contains("m down"), "{said}");
+        // A wish may be missed, and a rotation has no place.
+        let wish = [Constraint { soft: true, ..hand(20, &[near(Vec3::Y * -2.0)]) }];
+        assert!(Edit::new(&motion, &wish, 0.0, &s).check_reach(&wish, &Progress::new()).is_ok());
+        // Only the last of many frames is too far: the looks go from the first to the last.
+        let path: Vec<Vec3> = (0..20).map(|i| near(Vec3::new(0.0, -0.08 * i as f32, 0.4))).collect();
+        let c = [hand(20, &path)];
+        let said = Edit::new(&motion, &c, 0.0, &s).check_reach(&c, &Progress::new()).unwrap_err().to_string();
+        assert!(said.contains("on frame 39"), "{said}");
+    }
+
+    #[test]
+    fn directions_are_the_characters() {
+        assert_eq!(directions(0.0, 0.3, 0.0), "0.30 m away from the character");
+        assert_eq!(
+            directions(0.1, -0.3, 0.0),
+            "0.30 m towards the character and 0.10 m to the character's left"
+        );
+        assert_eq!(directions(-0.2, 0.0, -0.4), "0.40 m down and 0.20 m to the character's right");
+        // What is less than a quarter of the longest, or than a centimetre, is not worth a word.
+        assert_eq!(directions(0.07, 0.3, 0.08), "0.30 m away from the character and 0.08 m up");
+        assert_eq!(directions(0.005, 0.0, 0.02), "0.02 m up");
+    }
+
+    fn count(terms: &[Term], wanted: impl Fn(&Term) -> bool) -> usize {
+        terms.iter().filter(|t| wanted(t)).count()
+    }
+
+    #[test]
+    fn a_frame_is_asked_for_what_its_posture_needs() {
+        let mut motion = still(40);
+        let seated = person(crate::math::Planar::default(), SITS_AT, 0.3);
+        motion.postures[30..].fill(seated);
+        motion.contacts[10] = [1.0, 0.5];
+        let s = settings();
+        let terms = |c: &[Constraint], frame: usize| Edit::new(&motion, c, 0.0, &s).terms(frame);
+        let root = |terms: &[Term]| {
+            terms.iter().find_map(|t| match t {
+                Term::Point { joint: Joint::Hips, sigma, .. } => Some(*sigma),
+                _ => None,
+            })
+        };
+        let balance = |terms: &[Term]| {
+            terms.iter().find_map(|t| match t {
+                Term::Balance { most, .. } => Some(*most),
+                _ => None,
+            })
+        };
+        let (stands, sits) = (terms(&[], 0), terms(&[], 35));
+        assert_eq!(root(&stands), Some(Vec3::new(0.05, 0.05, 0.06)));
+        assert_eq!(root(&sits), Some(Vec3::splat(2e-3)));
+        assert_eq!(
+            (balance(&stands), balance(&sits), balance(&terms(&[], 10))),
+            (Some(BALANCE), None, Some(f32::INFINITY))
+        );
+        // Hands of who sits rest in place, arms of who stands hang; the head stays upright.
+        let rests =
+            |t: &[Term], hand: Joint| count(t, |t| matches!(t, Term::Point { joint, .. } if *joint == hand));
+        let hangs =
+            |t: &[Term], of: Joint| count(t, |t| matches!(t, Term::Turn { joint, .. } if *joint == of));
+        assert_eq!((rests(&stands, Joint::LeftHand), rests(&sits, Joint::LeftHand)), (0, 1));
+        assert_eq!((hangs(&stands, Joint::LeftArm), hangs(&sits, Joint::LeftArm)), (1, 0));
+        assert_eq!((hangs(&stands, Joint::Head), hangs(&stands, Joint::RightArm)), (1, 1));
+        // What is asked for is free of that, on its frames and on others.
+        let c = [hand(20, &[Vec3::ONE]), Constraint { joint: Joint::Neck, ..hand(20, &[Vec3::ONE]) }];
+        let asked = terms(&c, 0);
+        assert_eq!(
+            (hangs(&asked, Joint::LeftArm), hangs(&asked, Joint::Head), hangs(&asked, Joint::RightArm)),
+            (0, 0, 1)
+        );
+        assert_eq!((rests(&asked, Joint::LeftHand), rests(&terms(&c, 20), Joint::LeftHand)), (0, 1));
+        // A pelvis that is asked to be somewhere is held by that alone, and needs no balance.
+        let c = [Constraint {
+            facings: vec![0.7],
+            rotations: vec![Quat::IDENTITY],
+            ..Constraint::positions("Seat", Joint::Hips, 5, vec![Vec3::ONE])
+        }];
+        let pelvis = terms(&c, 5);
+        assert_eq!((root(&pelvis), balance(&pelvis)), (Some(Vec3::splat(0.25)), None));
+        let hard = |t: &Term| matches!(t, Term::Point { sigma, target, .. } if *target == Vec3::ONE && sigma.x == DEMAND_SIGMA.0);
+        assert_eq!(count(&pelvis, hard), 1);
+        assert_eq!(
+            count(
+                &pelvis,
+                |t| matches!(t, Term::Facing { yaw, sigma } if *yaw == 0.7 && *sigma == DEMAND_SIGMA.1)
+            ),
+            1
+        );
+        let soft = [Constraint { soft: true, ..c[0].clone() }];
+        let wish = |t: &Term| matches!(t, Term::Point { sigma, target, .. } if *target == Vec3::ONE && sigma.x == WISH_SIGMA.0);
+        assert_eq!(count(&terms(&soft, 5), wish), 1);
+        // A key's own rotation, on its frame alone.
+        let exact = [(7, Joint::Head, Quat::from_rotation_x(0.2))];
+        let mut edit = Edit::new(&motion, &[], 0.0, &s);
+        edit.exact = &exact;
+        let local = |t: &Term| matches!(t, Term::Local { joint: Joint::Head, .. });
+        assert_eq!((count(&edit.terms(7), local), count(&edit.terms(8), local)), (1, 0));
+    }
+
+    #[test]
+    fn what_is_left_of_a_constraint_by_hand() {
+        let motion = still(10);
+        let pose = motion.postures[0].pose();
+        let place = pose.position(Joint::LeftHand);
+        let figures = |c: Constraint| constraint_figures(&c, &motion);
+        let f = figures(hand(2, &[place + Vec3::X * 0.004, place + Vec3::Z * 0.008]));
+        close(f.mean_cm.expect("places"), 0.6, 1e-3);
+        close(f.max_cm.expect("places"), 0.8, 1e-3);
+        assert_eq!((f.mean_degrees, f.max_degrees, f.met, f.frames), (None, None, true, 2));
+        assert_eq!((f.name.as_str(), f.joint.as_str()), ("Lid", "LeftHand"));
+        assert!(!figures(hand(2, &[place + Vec3::X * 0.011])).met);
+        let turned = |angle: f32| Constraint {
+            rotations: vec![Quat::from_rotation_z(angle) * pose.rotation(Joint::LeftHand)],
+            ..hand(2, &[])
+        };
+        let f = figures(turned(0.05));
+        close(f.max_degrees.expect("turned"), 0.05f32.to_degrees(), 1e-2);
+        assert_eq!((f.mean_cm, f.met), (None, true));
+        assert!(!figures(turned(0.06)).met);
+        let facing = Constraint { joint: Joint::Hips, facings: vec![-0.2, 6.2], ..hand(2, &[]) };
+        let f = figures(facing);
+        close(f.mean_degrees.expect("facing"), (0.2 + std::f32::consts::TAU - 6.2).to_degrees() / 2.0, 1e-2);
+        // Frames that the motion does not have count for nothing.
+        assert_eq!(figures(hand(9, &[place, Vec3::ONE])).max_cm.map(|m| m < 1e-3), Some(true));
+    }
+
+    #[test]
+    fn two_edits_are_one() {
+        let one = |first: usize, end: usize| EditFigures {
+            constraints: vec![constraint_figures(&hand(2, &[Vec3::ONE]), &still(5))],
+            first_frame: first,
+            end_frame: end,
+            search: None,
+            seconds: 1.0,
+        };
+        let mut both = EditFigures::default();
+        both.join(one(20, 30));
+        assert_eq!((both.first_frame, both.end_frame, both.seconds), (20, 30, 1.0));
+        let searched = Some(SearchFigures { steps: 3, ..Default::default() });
+        both.join(EditFigures { search: searched.clone(), ..one(10, 25) });
+        assert_eq!((both.first_frame, both.end_frame, both.constraints.len()), (10, 30, 2));
+        both.join(one(15, 60));
+        assert_eq!((both.first_frame, both.end_frame, both.seconds), (10, 60, 3.0));
+        assert_eq!(both.search, searched);
+    }
+
+    #[test]
+    fn a_foot_that_leaves_its_place_is_in_the_air_meanwhile() {
+        let motion = still(60);
+        let place = motion.postures[0].pose().position(Joint::LeftFoot) + Vec3::new(0.1, -0.1, 0.0);
+        let (c, s) = ([Constraint::positions("Foot", Joint::LeftFoot, 30, vec![place; 3])], settings());
+        let edited = Edit::new(&motion, &c, 0.0, &s).run(None::<&Manifold>, &Progress::new()).expect("done");
+        assert!(edited.figures.constraints[0].met);
+        let air: Vec<usize> = (0..60).filter(|f| edited.motion.contacts[*f][0] == 0.0).collect();
+        assert!(!air.is_empty() && air.iter().all(|f| !(30..33).contains(f)), "{air:?}");
+        assert!(air.contains(&29) && air.contains(&33) && !air.contains(&10));
+        assert!((0..60).all(|f| edited.motion.contacts[f][1] == 1.0));
+        assert!(is_foot(Joint::LeftToe) && is_foot(Joint::RightLeg) && !is_foot(Joint::LeftUpLeg));
+        assert_eq!(edited.motion.postures.len(), 60);
+        assert_eq!(Vec2::ZERO, motion.postures[0].root_position.truncate());
+        assert_eq!(edited.motion.postures[0].rotations.len(), JOINT_COUNT);
+    }
+}

@@ -666,4 +666,121 @@ mod tests {
             assert!(first.iter().all(|f| *f == 0 || f + WINDOW <= frames), "{first:?}");
         }
     }
+
+    #[test]
+    fn postures_mix_on_the_shorter_way() {
+        let mut a = Posture::default();
+        let mut b = a;
+        b.root_position.x = 1.0;
+        a.rotations[4] = glam::Quat::from_rotation_z(0.2);
+        b.rotations[4] = -glam::Quat::from_rotation_z(0.6);
+        let half = mix(&a, &b, 0.25);
+        assert!((half.root_position.x - 0.25).abs() < 1e-6);
+        assert!(half.rotations[4].dot(glam::Quat::from_rotation_z(0.3)).abs() > 0.999_99);
+        assert!(mix(&a, &b, 0.0).rotations[4].dot(a.rotations[4]) > 0.999_99);
+    }
+
+    #[test]
+    fn what_trembles_is_filtered_and_what_stays_is_not() {
+        let before = standing(60);
+        let mut found = before.clone();
+        for f in 10..50 {
+            // A steady shift and turn, and a tremble from frame to frame.
+            let tremble = if f % 2 == 0 { 0.01 } else { -0.01 };
+            found.postures[f].root_position += Vec3::new(0.1, tremble, 0.0);
+            found.postures[f].rotations[6] = glam::Quat::from_rotation_x(0.2 + tremble);
+        }
+        filter_changes(&before, &mut found, &(10..50));
+        for f in 10..50 {
+            let p = &found.postures[f];
+            assert!((p.root_position.x - 0.1).abs() < 1e-5, "{}", p.root_position);
+            let at_an_end = !(19..41).contains(&f);
+            assert!(
+                p.root_position.y.abs() < if at_an_end { 6e-3 } else { 1e-4 },
+                "{f}: {}",
+                p.root_position.y
+            );
+            let turn = to_angle_axis(p.rotations[6]);
+            assert!((turn.x - 0.2).abs() < 6e-3 && turn.y.abs() + turn.z.abs() < 1e-5);
+        }
+        assert_eq!(found.postures[9], before.postures[9]);
+        // One frame's change becomes a bell of σ = 3 frames.
+        let mut found = before.clone();
+        found.postures[30].root_position.z += 1.0;
+        filter_changes(&before, &mut found, &(10..50));
+        let bell: f32 = (-9..=9).map(|d| (-(d * d) as f32 / 18.0).exp()).sum();
+        for d in [0, 2, 5] {
+            let z = found.postures[30 + d].root_position.z - before.postures[0].root_position.z;
+            assert!((z - (-((d * d) as f32) / 18.0).exp() / bell).abs() < 1e-4, "{d}: {z}");
+        }
+    }
+
+    #[test]
+    fn windows_by_hand() {
+        // Within one window: about the middle of the span. Longer: from half an overlap before to half after, evenly.
+        assert_eq!(windows(&(100..140), 400), [120 - WINDOW / 2]);
+        assert_eq!(windows(&(0..10), 400), [0]);
+        assert_eq!(windows(&(390..400), 400), [400 - WINDOW]);
+        let long = windows(&(100..400), 600);
+        assert_eq!((long[0], long[long.len() - 1]), (80, 420 - WINDOW));
+        let step = WINDOW - OVERLAP;
+        assert_eq!(long.len(), (long[long.len() - 1] - 80).div_ceil(step) + 1);
+        assert!(long.windows(2).all(|w| w[1] - w[0] <= step));
+    }
+
+    #[test]
+    fn misses_by_hand() {
+        let motion = standing(WINDOW);
+        let (x, start) = from_motion(&motion);
+        let mut kinematics = Kinematics::default();
+        kinematics.forward(&x, RootPath::From(start));
+        let hand = motion.postures[0].pose().position(Joint::LeftHand);
+        let target = |frame, away: Vec3, turn: f32| Target {
+            frame,
+            joint: Joint::LeftHand,
+            offset: Vec3::ZERO,
+            position: Some(hand + away),
+            rotation: Some(Mat3::from_rotation_y(turn)),
+        };
+        let settings = EditorSettings::default();
+        let targets =
+            vec![target(3, Vec3::X * 0.03, 0.0), target(5, Vec3::ZERO, 0.3), target(9, Vec3::X * 0.01, 0.1)];
+        let root = motion.postures.iter().map(|p| p.root_position.truncate()).collect();
+        let loss = Loss { targets, feet: places(&motion), root, x, settings: &settings };
+        let miss = loss.miss(&kinematics);
+        // 3 cm; 0.3 rad, which is 2·sin(0.15)·0.2 m; the larger of 1 cm and 2·sin(0.05)·0.2 m.
+        let parts = [0.03, 0.4 * 0.15f32.sin(), 0.4 * 0.05f32.sin()];
+        let mean = parts.iter().sum::<f32>() / 3.0;
+        assert!((miss.mean - mean).abs() < 1e-4, "{} {mean}", miss.mean);
+        assert!((miss.largest - parts[1]).abs() < 1e-4);
+        assert_eq!(squared(&Mat3::from_cols(Vec3::X, Vec3::Y * 2.0, Vec3::ONE)), 8.0);
+        let m = outer(Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 5.0, 6.0));
+        assert_eq!(m.col(1), Vec3::new(5.0, 10.0, 15.0));
+    }
+
+    #[test]
+    fn a_motion_that_the_decoder_says_is_on_the_manifold() {
+        struct Says(Vec<f32>);
+        impl Decoder for Says {
+            type Work = Vec<f32>;
+            fn encode(&self, _: &[f32]) -> Vec<f32> {
+                vec![0.0]
+            }
+            fn decode<'w>(&self, _: &[f32], work: &'w mut Vec<f32>) -> &'w [f32] {
+                work.clone_from(&self.0);
+                work
+            }
+            fn backward<'w>(&self, _: &[f32], work: &'w mut Vec<f32>) -> &'w [f32] {
+                work
+            }
+        }
+        let motion = standing(WINDOW);
+        let (x, _) = from_motion(&motion);
+        assert!(manifold_distance(&Says(x.clone()), &motion, &(10..20)) < 1e-3);
+        // Four centimetres higher on every frame.
+        let mut higher = x;
+        higher.chunks_exact_mut(FEATURES).for_each(|row| row[HEIGHT] += 0.04);
+        let distance = manifold_distance(&Says(higher), &motion, &(10..20));
+        assert!((distance - 4.0).abs() < 1e-3, "{distance}");
+    }
 }

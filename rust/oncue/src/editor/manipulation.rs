@@ -288,3 +288,193 @@ fn hold(motion: &mut Motion, frame: usize, count: usize) {
     motion.postures.splice(frame..frame, std::iter::repeat_n(posture, count));
     motion.contacts.splice(frame..frame, std::iter::repeat_n(contact, count));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::manifold::Manifold;
+    use crate::math::Planar;
+    use crate::test_world::{World, person, still};
+
+    fn cue(first: Option<usize>, path: &[Vec3]) -> ManipulationCue {
+        ManipulationCue { name: "Rail".into(), hand: Hand::Left, path: path.to_vec(), first_frame: first }
+    }
+
+    /// Before the left shoulder of who stands.
+    const HERE: Vec3 = Vec3::new(0.2, -0.3, 1.1);
+
+    fn settings() -> EditorSettings {
+        EditorSettings {
+            reach_seconds: 0.2,
+            reach_seconds_per_metre: 0.0,
+            blend_seconds: 0.1,
+            manifold: false,
+            ..Default::default()
+        }
+    }
+
+    /// Who walks at 4 cm a frame, in the air all the way.
+    fn walking(frames: usize) -> Motion {
+        let at = |i: usize| person(Planar::new(glam::Vec2::Y * -0.04 * i as f32, 0.0), 0.93, 0.0);
+        Motion { postures: (0..frames).map(at).collect(), contacts: vec![[0.0; 2]; frames] }
+    }
+
+    #[test]
+    fn who_stands_is_held_for_a_path() {
+        let motion = still(40);
+        let cues = [cue(Some(10), &[HERE; 5])];
+        let placed = place(&motion, &cues, 0.0, &settings()).expect("placed");
+        // Five frames more after frame 10, and the way back within the motion.
+        assert_eq!((placed.motion.len(), placed.holds.clone()), (45, vec![(10, 5)]));
+        assert_eq!(placed.placed[0].0, 10);
+        // Without a frame: after the end, with the way there and back.
+        let cues = [cue(None, &[HERE; 5])];
+        let placed = place(&motion, &cues, 0.0, &settings()).expect("placed");
+        assert_eq!((placed.motion.len(), placed.placed[0].0), (40 + 6 + 5 + 6, 39 + 6));
+        assert!(placed.holds.is_empty());
+        // After the end one waits for it, holds, and has the time to come back.
+        let cues = [cue(Some(60), &[HERE; 5])];
+        let placed = place(&motion, &cues, 0.0, &settings()).expect("placed");
+        assert_eq!((placed.holds.clone(), placed.placed[0].0), (vec![(60, 5)], 60));
+        assert_eq!(placed.motion.len(), 65 + 6 + 1);
+        // A second path within the first one's hold puts it off by what it is longer.
+        let cues = [cue(Some(12), &[HERE; 6]), cue(Some(10), &[HERE; 5])];
+        let placed = place(&motion, &cues, 0.0, &settings()).expect("placed");
+        assert_eq!(placed.holds, [(10, 5), (14, 3)]);
+        assert_eq!((placed.motion.len(), placed.placed[0].0, placed.placed[1].0), (48, 10, 12));
+    }
+
+    #[test]
+    fn who_walks_goes_on_walking() {
+        let motion = walking(40);
+        let cues = [cue(Some(10), &[HERE; 5])];
+        let placed = place(&motion, &cues, 0.0, &settings()).expect("placed");
+        assert_eq!((placed.motion.len(), placed.holds.len()), (40, 0));
+        let fits = [cue(Some(35), &[HERE; 5])];
+        assert_eq!(place(&motion, &fits, 0.0, &settings()).expect("placed").motion.len(), 40);
+        let late = [cue(Some(36), &[HERE; 5])];
+        let said = place(&motion, &late, 0.0, &settings()).err().expect("refused").to_string();
+        assert!(said.contains("from frame 36 to 40") && said.contains("frames 0 to 39"), "{said}");
+        // Who stops is waited for.
+        let mut stops = walking(40);
+        stops.postures.extend([stops.postures[39]; 10]);
+        stops.contacts.extend([[1.0; 2]; 10]);
+        let cues = [cue(Some(36), &[HERE; 20])];
+        let placed = place(&stops, &cues, 0.0, &settings()).expect("placed");
+        assert_eq!((placed.motion.len(), placed.holds.len()), (56 + 6 + 1, 0));
+    }
+
+    #[test]
+    fn nobody_waits_for_ever() {
+        let motion = still(10);
+        let at = |first: usize| check_wait(&motion, &cue(Some(first), &[HERE]), first);
+        // 120 s after frame 9.
+        assert!(at(9 + 3600).is_ok() && at(0).is_ok());
+        let said = at(9 + 3630).unwrap_err().to_string();
+        assert!(said.contains("121 s after the motion's last, 9") && said.contains("120 s"), "{said}");
+        assert!(check_wait(&still(0), &cue(Some(1), &[HERE]), 1).is_err());
+    }
+
+    #[test]
+    fn stillness_by_hand() {
+        assert!(is_still(&still(20), 10, 0.0) && is_still(&still(20), 99, 0.0));
+        assert!(!is_still(&walking(20), 10, 0.0));
+        let moved = |frame: usize, change: &dyn Fn(&mut Motion, usize)| {
+            let mut motion = still(20);
+            (frame..20).for_each(|f| change(&mut motion, f));
+            motion
+        };
+        // 4 mm a frame over the six frames around.
+        for (step, still) in [(0.023, true), (0.025, false)] {
+            let motion = moved(10, &|m, f| m.postures[f].root_position.x += step);
+            assert_eq!((is_still(&motion, 9, 0.0), is_still(&motion, 14, 0.0)), (still, true), "{step}");
+        }
+        // A foot that moves, or one that does not stand.
+        let turned = moved(10, &|m, f| {
+            m.postures[f].rotations[Joint::LeftUpLeg.index()] = glam::Quat::from_rotation_x(0.9)
+        });
+        assert!(!is_still(&turned, 10, 0.0));
+        let lifted = moved(0, &|m, f| m.contacts[f][1] = 0.5);
+        assert!(!is_still(&lifted, 10, 0.0));
+        // But who sits needs no foot on the floor.
+        let seated = moved(0, &|m, f| {
+            (m.postures[f], m.contacts[f]) = (person(Planar::default(), 0.55, 0.3), [0.0; 2])
+        });
+        assert!(is_still(&seated, 10, 0.0) && !is_still(&seated, 10, -0.5));
+    }
+
+    #[test]
+    fn hands_hold_with_their_palms() {
+        // Facing +X: the left hand is at +Y.
+        let mut motion = still(5);
+        motion.postures[2] =
+            motion.postures[2].moved(Planar::default(), Planar::new(glam::Vec2::ZERO, 1.570_796_4));
+        let of = |hand: Hand| constraints(&motion, 2, &ManipulationCue { hand, ..cue(None, &[HERE, HERE]) });
+        let left = of(Hand::Left);
+        assert_eq!((left.len(), left[0].joint, left[0].frames()), (1, Joint::LeftHand, 2..4));
+        assert_eq!((left[0].offset, left[0].positions[1]), (palm(Joint::LeftHand), HERE));
+        assert_eq!(of(Hand::Right)[0].joint, Joint::RightHand);
+        let both = of(Hand::Both);
+        assert!(both[0].positions[0].distance(HERE + Vec3::Y * 0.1) < 1e-6);
+        assert!(both[1].positions[0].distance(HERE - Vec3::Y * 0.1) < 1e-6);
+        assert_eq!((both[0].joint, both[1].joint), (Joint::LeftHand, Joint::RightHand));
+    }
+
+    #[test]
+    fn a_hand_follows_its_path() {
+        let motion = still(30);
+        let path: Vec<Vec3> = (0..6).map(|i| HERE + Vec3::Z * 0.01 * i as f32).collect();
+        let cues = [cue(None, &path)];
+        let s = settings();
+        let done =
+            manipulate(None::<&Manifold>, &motion, &cues, None, 0.0, &s, &Progress::new()).expect("done");
+        let first = done.cues[0].first_frame;
+        assert_eq!((done.cues[0].frames, done.cues[0].name.as_str(), first), (6, "Rail", 35));
+        for (i, place) in path.iter().enumerate() {
+            let pose = done.motion.postures[first + i].pose();
+            assert!(pose.point(Joint::LeftHand, palm(Joint::LeftHand)).distance(*place) < 3e-3);
+        }
+        assert_eq!(done.motion.postures[..20], motion.postures[..20]);
+        let (longer, asked) = lengthened(&motion, &cues[0], 0.0, &s).expect("placed");
+        assert_eq!((longer.len(), asked.len(), asked[0].first_frame), (done.motion.len(), 1, 35));
+        // Two paths for one hand contradict each other.
+        let twice = [cue(Some(10), &[HERE; 3]), cue(Some(11), &[HERE + Vec3::Z * 0.1; 3])];
+        assert!(manipulate(None::<&Manifold>, &motion, &twice, None, 0.0, &s, &Progress::new()).is_err());
+    }
+
+    #[test]
+    fn a_path_that_no_hand_reaches_is_refused_before_there_is_a_motion() {
+        let mut world = World::stool();
+        let seat = world.task.cue.position;
+        let mut at = |first: Option<usize>, away: f32| {
+            world.task.manipulations =
+                vec![cue(first, &[seat + Vec3::Z * 0.2, seat + Vec3::Z * 0.3, seat + Vec3::X * away])];
+            world.task.manipulations[0].path.drain(..2);
+            check_manipulations(&world.task)
+        };
+        assert!(at(None, 1.32).is_ok());
+        let error = at(None, 1.43).unwrap_err();
+        assert!(
+            matches!(error, Error::Unreachable(_)) && error.to_string().contains("0.10 m farther"),
+            "{error}"
+        );
+        // On the way the pelvis is elsewhere.
+        assert!(at(Some(4), 1.43).is_ok());
+        // Of a stop the pelvis is as high as one stands.
+        let mut world = World::stop_ahead(1.0);
+        let pelvis = world.task.cue.position.with_z(STANDING_HIPS_HEIGHT);
+        for (up, fine) in [(1.32, true), (1.34, false), (-1.34, false)] {
+            world.task.manipulations = vec![cue(None, &[pelvis + Vec3::Z * up])];
+            assert_eq!(check_manipulations(&world.task).is_ok(), fine, "{up}");
+        }
+        for (path, part) in [
+            (vec![], "no path"),
+            (vec![Vec3::NAN], "not a number"),
+            (vec![pelvis, pelvis + Vec3::X], "jumps"),
+        ] {
+            world.task.manipulations = vec![cue(None, &path)];
+            let said = check_manipulations(&world.task).unwrap_err().to_string();
+            assert!(said.contains(part), "{said}");
+        }
+    }
+}

@@ -82,3 +82,51 @@ pub fn plain_ik(
     };
     Ok(EditedMotion { motion: out, figures })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_world::{close, still};
+    use glam::Vec3;
+
+    #[test]
+    fn the_arm_alone_is_brought_there_and_blended() {
+        let mut motion = still(60);
+        motion.postures.iter_mut().for_each(|p| p.rotations[0] = glam::Quat::from_rotation_z(0.2));
+        let hand = motion.postures[0].pose().position(Joint::LeftHand);
+        let place = hand + Vec3::new(0.05, -0.2, 0.25);
+        let c = [Constraint::positions("Lid", Joint::LeftHand, 30, vec![place; 2])];
+        let settings = EditorSettings {
+            blend_seconds: 0.3,
+            reach_seconds: 0.1,
+            reach_seconds_per_metre: 0.0,
+            ..Default::default()
+        };
+        let edited = plain_ik(&motion, &c, &settings, &Progress::new()).expect("done");
+        assert!(edited.figures.constraints[0].met, "{:?}", edited.figures.constraints);
+        assert_eq!((edited.figures.first_frame, edited.figures.end_frame), (21, 41));
+        let gone = |frame: usize| {
+            let at = edited.motion.postures[frame].pose().position(Joint::LeftHand);
+            at.distance(hand) / place.distance(hand)
+        };
+        // Ten steps there and ten back, with the share of a smooth step.
+        assert_eq!((gone(20), gone(41)), (0.0, 0.0));
+        for (frame, share) in [(21, 0.028), (25, 0.5), (36, 0.5), (40, 0.028)] {
+            close(gone(frame), share, 0.06);
+        }
+        close(gone(30), 1.0, 0.01);
+        close(gone(31), 1.0, 0.01);
+        for (before, after) in motion.postures.iter().zip(&edited.motion.postures) {
+            assert_eq!(
+                (before.root_position, before.rotations[0]),
+                (after.root_position, after.rotations[0])
+            );
+            let leg = Joint::LeftLeg.index();
+            assert!(before.rotations[leg].dot(after.rotations[leg]) > 0.999_999);
+        }
+        // Out of reach it falls short.
+        let far = [Constraint::positions("Far", Joint::LeftHand, 30, vec![hand + Vec3::X * 3.0])];
+        let edited = plain_ik(&motion, &far, &settings, &Progress::new()).expect("done");
+        assert!(!edited.figures.constraints[0].met);
+    }
+}

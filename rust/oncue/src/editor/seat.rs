@@ -442,3 +442,264 @@ fn hold(motion: &mut Motion, plan: &mut FootPlan, contacts: &mut Vec<[f32; 2]>) 
 fn same_side(a: Quat, b: Quat) -> Quat {
     if a.dot(b) < 0.0 { -b } else { b }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::manifold::Manifold;
+    use crate::math::Planar;
+    use crate::motion::Posture;
+    use crate::test_world::{SITS_AT, SITS_BACK, STANDS, close, library, person, room, sit_cue};
+
+    /// The library's sit, complete at frame 50 of 60.
+    fn motion() -> Motion {
+        let mut motion = library().clips.remove(5).motion;
+        motion.postures.truncate(60);
+        motion.contacts.truncate(60);
+        motion
+    }
+
+    fn settings() -> EditorSettings {
+        EditorSettings { manifold: false, ..Default::default() }
+    }
+
+    fn seat<'a>(motion: &'a Motion, cue: &'a ActionCue, settings: &'a EditorSettings) -> Seat<'a> {
+        Seat { motion, cue, complete: 50, scene: None, floor: 0.0, settings }
+    }
+
+    #[test]
+    fn a_seat_that_fits_stays_and_one_that_is_near_is_met() {
+        let (motion, s) = (motion(), settings());
+        for shift in [Vec3::ZERO, Vec3::new(0.06, 0.04, -0.03)] {
+            let mut cue = sit_cue();
+            cue.position += shift;
+            cue.yaw = if shift == Vec3::ZERO { 0.0 } else { 0.1 };
+            let fit = seat(&motion, &cue, &s).fit(None::<&Manifold>, &Progress::new()).expect("fits");
+            assert!(fit.seat.pelvis_cm < 0.5 && fit.seat.facing_degrees < 1.0, "{:?}", fit.seat);
+            assert!(fit.seat.sole_degrees.iter().all(|d| *d < 2.0), "{:?}", fit.seat);
+            assert_eq!((fit.seat.hanging, fit.seat.feet_cm), ([false; 2], [None; 2]));
+            for posture in &fit.motion.postures[50..] {
+                assert!(posture.root_position.distance(cue.position) < 5e-3);
+            }
+            assert_eq!(fit.motion.postures[0], motion.postures[0]);
+            // The feet stand where they stood all along.
+            for (frame, posture) in fit.motion.postures.iter().enumerate().take(60) {
+                for toe in Joint::TOES {
+                    let own = motion.postures[frame].pose().position(toe);
+                    assert!(posture.pose().position(toe).distance(own) < 6e-3, "{frame}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn feet_come_to_their_cues_by_a_seated_step() {
+        let (motion, s) = (motion(), settings());
+        let mut cue = sit_cue();
+        let own = |side: usize| motion.postures[59].pose().position(Joint::FEET[side]).with_z(0.0);
+        cue.feet = [Some(own(0) + Vec3::new(0.06, -0.08, 0.0)), Some(own(1))];
+        let fit = seat(&motion, &cue, &s).fit(None::<&Manifold>, &Progress::new()).expect("fits");
+        assert!(fit.seat.feet_cm.iter().all(|f| f.is_some_and(|cm| cm < 0.7)), "{:?}", fit.seat);
+        // Two frames after it is complete one foot begins, 0.35 s later the other; each takes 0.6 s. The first is lifted
+        // by 2 cm and a tenth of its 10 cm.
+        assert_eq!(fit.motion.len(), 52 + 10 + 18 + 4);
+        let ankle = |frame: usize, side: usize| fit.motion.postures[frame].pose().position(Joint::FEET[side]);
+        close(ankle(61, 0).z, ANKLE_HEIGHT + 0.03, 5e-3);
+        close(ankle(61, 0).y - own(0).y, -0.04, 6e-3);
+        assert!((53..70).all(|f| fit.motion.contacts[f][0] == 0.0 && fit.motion.contacts[f][1] == 1.0));
+        assert_eq!(fit.motion.contacts[72], [1.0, 1.0]);
+        assert!(
+            ankle(52, 0).with_z(0.0).distance(own(0)) < 5e-3
+                && ankle(61, 1).with_z(0.0).distance(own(1)) < 5e-3
+        );
+        // Out of reach.
+        cue.feet = [Some(own(0) + Vec3::new(0.0, -0.9, 0.0)), None];
+        let error = seat(&motion, &cue, &s).fit(None::<&Manifold>, &Progress::new()).unwrap_err();
+        assert!(matches!(error, Error::Unreachable(_)) && error.to_string().contains("left foot"), "{error}");
+    }
+
+    #[test]
+    fn what_is_too_far_away_or_never_seated_is_refused() {
+        let (motion, s) = (motion(), settings());
+        let mut cue = sit_cue();
+        cue.position.y += 0.53;
+        assert!(seat(&motion, &cue, &s).check().is_ok());
+        cue.position.y += 0.04;
+        let said = seat(&motion, &cue, &s).check().unwrap_err().to_string();
+        assert!(said.contains("0.57 m from ‘Stool’") && said.contains("0.55 m"), "{said}");
+        let never = Seat { complete: 60, ..seat(&motion, &cue, &s) };
+        assert!(never.check().unwrap_err().to_string().contains("ends before anyone sits"));
+    }
+
+    #[test]
+    fn the_pelvis_is_asked_for_from_when_it_is_seated() {
+        let (motion, s, cue) = (motion(), settings(), sit_cue());
+        let c = seat(&motion, &cue, &s).pelvis(60);
+        assert_eq!((c.frames(), c.joint, c.facings.len()), (50..60, Joint::Hips, 10));
+        assert!(c.positions.iter().all(|p| *p == cue.position));
+        assert_eq!(seat(&motion, &cue, &s).pelvis(50).frames(), 50..51);
+    }
+
+    #[test]
+    fn as_the_pelvis_sinks_it_comes_nearer() {
+        let (motion, s) = (motion(), settings());
+        let mut cue = sit_cue();
+        assert!(seat(&motion, &cue, &s).descent().is_empty(), "it is there already");
+        let away = Vec3::new(0.05, -0.1, 0.02);
+        cue.position += away;
+        let way = seat(&motion, &cue, &s).descent();
+        assert_eq!(way.last().map(|w| w.0), Some(49));
+        // It begins where the pelvis is a centimetre under its highest.
+        let z = |f: usize| motion.postures[f].root_position.z;
+        let first = way[0].0;
+        assert!(z(first) > STANDS - 0.01 && z(first + 1) <= STANDS - 0.01, "{first}");
+        for (frame, place) in way {
+            let sunk = (STANDS - z(frame)) / (STANDS - SITS_AT);
+            assert!(place.distance(motion.postures[frame].root_position + away * sunk) < 1e-4);
+        }
+        // Who hardly sinks has no way down.
+        let mut flat = motion.clone();
+        flat.postures.iter_mut().for_each(|p| p.root_position.z = SITS_AT);
+        flat.postures[20].root_position.z += 0.09;
+        assert!(seat(&flat, &cue, &s).descent().is_empty());
+        flat.postures[20].root_position.z += 0.02;
+        assert!(!seat(&flat, &cue, &s).descent().is_empty());
+    }
+
+    /// A motion whose left foot swings in frames 20 to 31 and stands 30 cm farther from then on, seated from frame 50.
+    fn steps() -> Motion {
+        let mut motion = motion();
+        for (frame, contacts) in motion.contacts.iter_mut().enumerate() {
+            contacts[0] = if (20..32).contains(&frame) { 0.0 } else { 1.0 };
+        }
+        motion
+    }
+
+    #[test]
+    fn the_last_step_takes_a_feets_shift() {
+        let (motion, s, cue) = (steps(), settings(), sit_cue());
+        let seat = seat(&motion, &cue, &s);
+        let own = FootPlan::of(&motion);
+        let mut plan = own.clone();
+        let shift = Vec2::new(0.1, -0.05);
+        seat.shift_last_plant(&mut plan, 0, shift);
+        for frame in 0..60 {
+            let t = ((frame as f32 - 19.0) / 13.0).clamp(0.0, 1.0);
+            let moved = (shift * t * t * (3.0 - 2.0 * t)).extend(0.0);
+            let (a, b) = (own.feet[frame][0], plan.feet[frame][0]);
+            assert!((b.ankle - a.ankle).distance(moved) < 1e-6 && (b.toe - a.toe).distance(moved) < 1e-6);
+            assert_eq!(plan.feet[frame][1].ankle, own.feet[frame][1].ankle);
+            assert!(frame < 20 || b.sigma <= 0.01);
+        }
+        // The right foot never swings: nothing is shifted.
+        let mut plan = own.clone();
+        seat.shift_last_plant(&mut plan, 1, shift);
+        assert!((0..60).all(|f| plan.feet[f][1].ankle == own.feet[f][1].ankle));
+        // As much as the leg reaches: a little is all, a step backwards none of it.
+        let share = |shift: Vec2| seat.share_before_sitting(&motion, &own, 0, shift);
+        assert_eq!((share(Vec2::new(0.05, 0.0)), share(Vec2::new(0.0, -3.0))), (1.0, 0.0));
+        let half = share(Vec2::new(0.0, -0.55));
+        assert!(half > 0.0 && half < 1.0, "{half}");
+        assert_eq!(seat.share_before_sitting(&motion, &own, 1, Vec2::new(0.05, 0.0)), 0.0);
+        // A hop of seven frames carries nothing.
+        let mut hop = motion.clone();
+        (20..25).for_each(|f| hop.contacts[f][0] = 1.0);
+        assert_eq!(seat.share_before_sitting(&hop, &FootPlan::of(&hop), 0, Vec2::new(0.05, 0.0)), 0.0);
+        (20..25).for_each(|f| hop.contacts[f][0] = if f < 24 { 1.0 } else { 0.0 });
+        assert_eq!(seat.share_before_sitting(&hop, &FootPlan::of(&hop), 0, Vec2::new(0.05, 0.0)), 1.0);
+    }
+
+    #[test]
+    fn a_foot_is_not_put_into_furniture() {
+        let (motion, s, cue) = (steps(), settings(), sit_cue());
+        // A board of 20 cm to the left of the feet.
+        let scene = room(&[([0.25, -0.5, 0.0], [0.27, 0.3, 0.2])]);
+        let seat = Seat { scene: Some(&scene), ..seat(&motion, &cue, &s) };
+        assert!(
+            seat.is_free(&motion, 40, 0, Vec3::X * 0.05) && !seat.is_free(&motion, 40, 0, Vec3::X * 0.15)
+        );
+        assert!(seat.is_free(&motion, 40, 0, Vec3::X * -0.1));
+        assert!(seat.is_free(&motion, 40, 1, Vec3::X * 0.15));
+        let none = Seat { scene: None, ..seat };
+        assert!(none.is_free(&motion, 40, 0, Vec3::X * 0.15));
+        // In front of the shin alone: it moves half as far as the foot.
+        let bar = room(&[([0.0, -0.75, 0.3], [0.3, -0.2, 0.32])]);
+        let seat = Seat { scene: Some(&bar), ..none };
+        assert!(!seat.is_free(&motion, 0, 0, Vec3::Y * -0.3));
+        let seat = Seat { scene: Some(&scene), ..seat };
+        let plan = FootPlan::of(&motion);
+        assert_eq!(seat.share_before_sitting(&motion, &plan, 0, Vec2::new(0.2, 0.0)), 0.5);
+    }
+
+    #[test]
+    fn feet_that_do_not_reach_the_floor_hang() {
+        // A bar stool: the pelvis ends 0.35 m higher than it sits, the feet come along.
+        let s = settings();
+        let mut motion = motion();
+        for (frame, posture) in motion.postures.iter_mut().enumerate() {
+            if frame >= 50 {
+                posture.root_position.z += 0.3;
+                motion.contacts[frame] = [0.0; 2];
+            }
+        }
+        let mut cue = sit_cue();
+        cue.position.z += 0.35;
+        let seat = seat(&motion, &cue, &s);
+        let settled = seat.settle(&motion, &Progress::new()).expect("settled");
+        assert_eq!((settled.hangs, settled.hang_already), ([true; 2], [true; 2]));
+        let own = FootPlan::of(&motion).feet[59];
+        for side in 0..2 {
+            assert!((settled.feet[side].ankle - own[side].ankle).distance(Vec3::Z * 0.05) < 1e-5);
+        }
+        let fit = seat.fit(None::<&Manifold>, &Progress::new()).expect("fits");
+        assert_eq!(fit.seat.hanging, [true; 2]);
+        assert!(fit.seat.pelvis_cm < 0.5);
+        let last = fit.motion.postures[fit.motion.len() - 1].pose();
+        assert!(last.position(Joint::LeftFoot).z > 0.3, "{}", last.position(Joint::LeftFoot));
+        // On the floor of the same seat's place the feet that stand do not hang.
+        let (on_the_floor, low_cue) = (self::motion(), sit_cue());
+        let low = Seat { motion: &on_the_floor, cue: &low_cue, ..seat };
+        assert_eq!(low.settle(low.motion, &Progress::new()).expect("settled").hangs, [false; 2]);
+    }
+
+    #[test]
+    fn how_one_sits_by_hand() {
+        let s = settings();
+        let mut motion = motion();
+        let mut cue = sit_cue();
+        // The worst of the seated frames counts; what is before does not.
+        motion.postures[55].root_position.x += 0.03;
+        motion.postures[52].rotations[0] = Quat::from_rotation_z(0.1);
+        motion.postures[10].root_position.x += 1.0;
+        let foot = Joint::LeftFoot.index();
+        motion.postures[59].rotations[foot] =
+            Quat::from_rotation_x(0.2) * motion.postures[59].rotations[foot];
+        let ankle = motion.postures[59].pose().position(Joint::LeftFoot);
+        cue.feet[0] = Some((ankle + Vec3::Y * 0.07) - Vec3::Z * ANKLE_HEIGHT);
+        let figures = seat(&motion, &cue, &s).figures(&motion, [true, false]);
+        close(figures.pelvis_cm, 3.0, 0.01);
+        close(figures.facing_degrees, 0.1f32.to_degrees(), 0.01);
+        close(figures.feet_cm[0].expect("given"), 7.0, 0.01);
+        close(figures.sole_degrees[0], 0.2f32.to_degrees(), 0.05);
+        close(figures.sole_degrees[1], 0.0, 0.05);
+        assert_eq!(
+            (figures.feet_cm[1], figures.hanging, figures.thigh_cm, figures.back_cm),
+            (None, [true, false], 0.0, 0.0)
+        );
+        // In a seat that is 2 cm higher than the thighs' undersides, with a backrest 3 cm in the back.
+        let seated = person(Planar::default(), SITS_AT, SITS_BACK);
+        let under = seated.pose().position(Joint::LeftUpLeg).z - 0.05;
+        let still = Motion { postures: vec![seated; 60], contacts: vec![[1.0; 2]; 60] };
+        let scene = room(&[
+            ([-0.3, -0.15, 0.0], [0.3, 0.2, under + 0.02]),
+            ([-0.3, 0.05 + 0.02, 0.7], [0.3, 0.3, 1.2]),
+        ]);
+        let mut cue = sit_cue();
+        cue.position = seated.root_position;
+        let figures = Seat { scene: Some(&scene), ..seat(&still, &cue, &s) }.figures(&still, [false; 2]);
+        assert!((1.0..9.0).contains(&figures.thigh_cm), "{figures:?}");
+        assert!((2.0..6.0).contains(&figures.back_cm), "{figures:?}");
+        assert_eq!(seat(&still, &cue, &s).figures(&Motion::default(), [false; 2]).pelvis_cm, 0.0);
+        assert_eq!(Posture::default().rotations.len(), still.postures[0].rotations.len());
+    }
+}

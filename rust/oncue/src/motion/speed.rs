@@ -42,3 +42,18 @@ fn percentile(values: &mut [f32], part: f64) -> f32 {
     let at = ((values.len() as f64 * part) as usize).min(values.len().saturating_sub(1));
     if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f32::total_cmp).1 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_by_hand() {
+        let mut values: Vec<f32> = (0..10).rev().map(|v| v as f32).collect();
+        assert_eq!(percentile(&mut values, 0.0), 0.0);
+        assert_eq!(percentile(&mut values, 0.5), 5.0);
+        assert_eq!(percentile(&mut values, 0.999), 9.0);
+        assert_eq!(percentile(&mut values, 1.0), 9.0);
+        assert_eq!(percentile(&mut [], 0.5), 0.0);
+    }
+}

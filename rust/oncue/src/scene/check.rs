@@ -306,3 +306,272 @@ fn support(scene: &SceneIndex, xy: Vec2, from: f32, radius: f32) -> Option<f32> 
         .filter_map(|d| scene.floor_height_at(xy + d, from))
         .reduce(f32::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_world::{Boxes, World, room, sit_cue, stop_cue};
+    use std::f32::consts::FRAC_PI_2;
+
+    /// What is said of a task in a room; nothing where it can be done.
+    fn said(scene: &SceneIndex, task: &Task) -> String {
+        check_task(scene, task).map_or_else(|error| error.to_string(), |()| String::new())
+    }
+
+    /// To sit on a box of that height, from the origin, facing -Y; and to stop there.
+    fn to_sit(height: f32) -> (SceneIndex, Task) {
+        let mut world = World::stool();
+        world.task.cue.position = Vec3::new(0.0, 0.32, height + 0.1);
+        world.task.start.position = Vec3::new(0.0, -1.0, 0.0);
+        (seat(height, &[]), world.task)
+    }
+
+    fn seat(height: f32, more: &Boxes) -> SceneIndex {
+        let mut boxes = vec![([-0.3, 0.1, 0.0], [0.3, 0.6, height])];
+        boxes.extend_from_slice(more);
+        room(&boxes)
+    }
+
+    fn to_stop(place: Vec2) -> Task {
+        Task { cue: stop_cue(place, 0.0), ..World::stop_ahead(1.0).task }
+    }
+
+    #[track_caller]
+    fn says(scene: &SceneIndex, task: &Task, part: &str) {
+        let said = said(scene, task);
+        assert!(
+            if part.is_empty() { said.is_empty() } else { said.contains(part) },
+            "“{said}”, not “{part}”"
+        );
+    }
+
+    #[test]
+    fn a_start_stands_on_its_floor() {
+        let scene = room(&[]);
+        let at = |position: Vec3| {
+            let mut task = to_stop(Vec2::new(1.0, 1.0));
+            task.start.position = position;
+            said(&scene, &task)
+        };
+        for (z, part) in [(0.24, ""), (0.26, "0.26 m over"), (-0.24, "no floor"), (0.0, "")] {
+            let said = at(Vec3::Z * z);
+            // Under its floor there is none under it, but for what a foot's tolerance sees.
+            assert!(
+                if part.is_empty() { said.is_empty() } else { said.contains(part) || z < 0.0 },
+                "{z}: {said}"
+            );
+        }
+        assert!(at(Vec3::Z * -0.4).contains("no floor under it"), "{}", at(Vec3::Z * -0.4));
+        let nearly = [Vec3::new(2.79, 0.0, 0.0), Vec3::new(-2.79, 0.0, 0.0), Vec3::new(0.0, 2.79, 0.0)];
+        assert!(nearly.iter().all(|p| at(*p).is_empty()));
+        for place in [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y] {
+            assert!(at(place * 3.5).contains("outside the scene, 0.50 m"), "{}", at(place * 3.5));
+        }
+        assert!(at(Vec3::NAN).contains("not a number"));
+        let mut task = to_stop(Vec2::ONE);
+        task.start.yaw = f32::NAN;
+        says(&scene, &task, "not a number");
+    }
+
+    #[test]
+    fn a_start_on_another_level_is_sent_to_the_floor() {
+        // A platform that one can stand on.
+        let scene = room(&[([1.0, 1.0, 0.0], [2.5, 2.5, 0.40])]);
+        let mut task = to_stop(Vec2::new(-1.0, -1.0));
+        task.start.position = Vec3::new(1.7, 1.7, 0.40);
+        says(&scene, &task, "0.40 m over the scene's walkable floor");
+    }
+
+    #[test]
+    fn a_start_has_room_for_a_body() {
+        // A wall at x = 1, which the grid has to 5 cm.
+        let scene = room(&[([1.02, -3.0, 0.0], [1.08, 3.0, 2.0])]);
+        let at = |x: f32| {
+            let mut task = to_stop(Vec2::new(-1.0, 1.0));
+            task.start.position.x = x;
+            said(&scene, &task)
+        };
+        assert!(at(0.78).is_empty(), "{}", at(0.78));
+        let near = at(0.85);
+        assert!(near.contains("cm from furniture or a wall") && near.contains("‘Here’"), "{near}");
+        let words: Vec<f32> = near.split([' ', ';']).filter_map(|w| w.parse().ok()).collect();
+        // So far from it now, and so far away to be: 18 cm and 5 more.
+        assert!((words[0] - 13.0).abs() < 5.0 && (words[0] + words[1] - 23.0).abs() < 1.1, "{near}");
+        assert!(at(1.05).contains("inside furniture"));
+    }
+
+    #[test]
+    fn a_seat_has_a_height_that_a_person_sits_on() {
+        for (height, part) in [
+            (0.22, ""),
+            (0.45, ""),
+            (0.83, ""),
+            (0.18, "too low: its seat is 0.18 m"),
+            (0.87, "too high: its seat is 0.87 m"),
+        ] {
+            let (scene, task) = to_sit(height);
+            says(&scene, &task, part);
+        }
+    }
+
+    #[test]
+    fn a_pelvis_rests_on_its_seat() {
+        let (scene, task) = to_sit(0.45);
+        let over = |z: f32| {
+            let mut task = task.clone();
+            task.cue.position.z = 0.45 + z;
+            said(&scene, &task)
+        };
+        assert!(over(0.34).is_empty() && !over(-0.11).contains("inside"), "{} {}", over(0.34), over(-0.11));
+        assert!(over(0.37).contains("floats: the nearest surface is 0.37 m"), "{}", over(0.37));
+        assert!(over(-0.14).contains("inside furniture, 0.14 m under"), "{}", over(-0.14));
+        assert!(over(-0.5).contains("0.05 m below the floor"), "{}", over(-0.5));
+        // The highest of a few places counts: a rim 15 cm from the middle.
+        let rim = room(&[([-0.3, 0.12, 0.0], [0.3, 0.17, 0.45])]);
+        let mut task = task;
+        task.cue.position = Vec3::new(0.0, 0.32, 0.55);
+        says(&rim, &task, "");
+        task.cue.position.y = 0.42;
+        says(&rim, &task, "floats");
+        // Over nothing at all.
+        let hole = crate::test_world::scene(&[
+            ([-3.0, -3.0, -0.1], [3.0, 0.0, 0.0]),
+            ([-3.0, 2.0, -0.1], [3.0, 3.0, 0.0]),
+        ]);
+        task.cue.position = Vec3::new(0.0, 1.0, 0.55);
+        says(&hole, &task, "there is no surface below it");
+    }
+
+    #[test]
+    fn a_seat_has_room_for_legs_and_head() {
+        let (_, task) = to_sit(0.45);
+        // Something before the pelvis at its height: 0.32 m - y.
+        let bar = |y: f32| seat(0.45, &[([-0.5, y - 0.05, 0.5], [0.5, y, 0.6])]);
+        says(&bar(0.02), &task, "");
+        says(&bar(0.06), &task, "no room for the legs: something is 0.26 m");
+        // On one side alone is enough, and a hand's width beside is not.
+        let beside = |x: f32| seat(0.45, &[([x - 0.01, 0.1, 0.5], [x + 0.01, 0.15, 0.6])]);
+        says(&beside(0.1), &task, "no room for the legs: something is 0.17 m");
+        says(&beside(-0.1), &task, "no room for the legs");
+        says(&beside(0.2), &task, "");
+        // Over it: a table, or a box around.
+        let over = |z: f32| seat(0.45, &[([-0.5, 0.2, 0.55 + z], [0.5, 0.6, 0.6 + z])]);
+        says(&over(0.73), &task, "");
+        says(&over(0.66), &task, "no room above it: something is 0.66 m");
+        says(&over(0.38), &task, "no room above it: something is 0.38 m");
+        says(&over(0.30), &task, "inside furniture, 0.30 m under");
+    }
+
+    #[test]
+    fn a_seat_is_not_inside_a_wall() {
+        let (_, task) = to_sit(0.45);
+        // Walls on both sides of the chest, at its height, so near.
+        let across = |d: f32| {
+            seat(0.45, &[([-d - 0.02, 0.2, 0.8], [-d, 0.5, 1.0]), ([d, 0.2, 0.8], [d + 0.02, 0.5, 1.0])])
+        };
+        says(&across(0.11), &task, "inside a wall");
+        says(&across(0.13), &task, "");
+        let along = |d: f32, behind: f32| {
+            seat(
+                0.45,
+                &[
+                    ([-0.2, 0.32 - d - 0.02, 0.8], [0.2, 0.32 - d, 1.0]),
+                    ([-0.2, 0.32 + behind, 0.8], [0.2, 0.34 + behind, 1.0]),
+                ],
+            )
+        };
+        says(&along(0.11, 0.11), &task, "inside a wall");
+        // A backrest close behind is none, nor is what is close before alone.
+        says(&along(0.4, 0.11), &task, "");
+        says(&along(0.11, 0.4), &task, "");
+    }
+
+    #[test]
+    fn a_place_to_stop_is_free_floor_with_room() {
+        let scene = room(&[([1.02, -3.0, 0.0], [1.08, 3.0, 2.0])]);
+        says(&scene, &to_stop(Vec2::new(0.80, 1.0)), "");
+        let near = said(&scene, &to_stop(Vec2::new(0.92, 1.0)));
+        assert!(near.contains("cm of room around it; a person needs 12 cm"), "{near}");
+        says(&scene, &to_stop(Vec2::new(1.05, 1.0)), "inside furniture or a wall");
+        let mut low = to_stop(Vec2::new(-1.0, 1.0));
+        low.cue.position.z = -0.24;
+        says(&scene, &low, "");
+        low.cue.position.z = -0.26;
+        says(&scene, &low, "0.26 m below the floor");
+        low.cue.position = Vec3::new(-1.0, 3.4, 0.0);
+        says(&scene, &low, "Stop cue ‘There’ lies outside the scene, 0.40 m");
+        low.cue.position = Vec3::new(f32::INFINITY, 0.0, 0.0);
+        says(&scene, &low, "Stop cue ‘There’ has a place or a facing that is not a number");
+        low.cue.position = Vec3::ZERO;
+        low.cue.yaw = f32::NAN;
+        says(&scene, &low, "not a number");
+        let hole = crate::test_world::scene(&[
+            ([-3.0, -3.0, -0.1], [3.0, 0.5, 0.0]),
+            ([-3.0, 1.6, -0.1], [3.0, 3.0, 0.0]),
+        ]);
+        says(&hole, &to_stop(Vec2::new(0.0, 1.05)), "no floor under it");
+    }
+
+    #[test]
+    fn a_cue_is_a_cue() {
+        let mut task = to_stop(Vec2::ONE);
+        task.cue.action_type = ActionType::Walk;
+        says(&room(&[]), &task, "asks for no action that a motion can end with: Walk");
+        let mut task = to_stop(Vec2::ONE);
+        task.cue.feet[0] = Some(Vec3::new(1.0 - 1.19, 1.0, 0.0));
+        says(&room(&[]), &task, "");
+        task.cue.feet[0] = Some(Vec3::new(1.0 - 1.21, 1.0, 0.0));
+        says(&room(&[]), &task, "left foot of cue ‘There’ is 1.21 m");
+        task.cue.feet = [None, Some(Vec3::NAN)];
+        says(&room(&[]), &task, "right foot");
+    }
+
+    #[test]
+    fn a_way_that_is_shut_is_said_with_where_it_ends() {
+        // A wall between the two, from side to side.
+        let scene = room(&[([-3.0, 0.9, 0.0], [3.0, 1.0, 2.0])]);
+        let error = check_task(&scene, &to_stop(Vec2::new(0.0, 2.0))).unwrap_err();
+        let sentence = error.to_string();
+        assert!(matches!(error, Error::Unreachable(_)));
+        assert!(sentence.contains("Stop cue ‘There’ cannot be reached from start ‘Here’"), "{sentence}");
+        // The free floor ends 12 cm before the wall.
+        let ends = ["ends 1.20 m", "ends 1.2", "ends 1.25 m"];
+        assert!(ends.iter().any(|e| sentence.contains(e)), "{sentence}");
+        says(&scene, &to_stop(Vec2::new(0.0, -2.0)), "");
+        // A seat with no free floor before it.
+        let (_, task) = to_sit(0.45);
+        let shut = seat(
+            0.45,
+            &[
+                ([-1.0, -0.75, 0.0], [1.0, -0.02, 0.4]),
+                ([-1.0, -0.75, 0.0], [-0.31, 1.2, 0.4]),
+                ([0.31, -0.75, 0.0], [1.0, 1.2, 0.4]),
+            ],
+        );
+        says(&shut, &task, "no free floor to stand on within 0.75 m");
+    }
+
+    #[test]
+    fn knees_have_less_room_on_a_high_seat() {
+        let mut cue = sit_cue();
+        cue.position = Vec3::new(0.0, 0.32, 0.0);
+        let near = |height: f32, ahead: f32| {
+            let mut cue = cue.clone();
+            cue.position.z = height + 0.1;
+            let y = 0.32 - ahead;
+            short_of_knee_room(&seat(height, &[([-0.5, y - 0.1, 0.3], [0.5, y, 1.1])]), &cue)
+        };
+        for (height, needed) in [(0.45, 0.48), (0.59, 0.48), (0.61, 0.40), (0.75, 0.40)] {
+            assert_eq!(near(height, needed + 0.01), None);
+            let (ahead, needs) = near(height, needed - 0.01).expect("too near");
+            assert!((ahead - needed + 0.01).abs() < 1e-3 && needs == needed, "{ahead} {needs}");
+        }
+        assert_eq!(short_of_knee_room(&room(&[]), &stop_cue(Vec2::ZERO, 0.0)), None);
+        // As the cue faces.
+        let mut turned = cue;
+        turned.position.z = 0.55;
+        turned.yaw = FRAC_PI_2;
+        let side = seat(0.45, &[([0.35, 0.0, 0.3], [0.5, 0.6, 1.1])]);
+        assert!((short_of_knee_room(&side, &turned).expect("too near").0 - 0.35).abs() < 1e-3);
+    }
+}

@@ -221,3 +221,170 @@ pub(super) fn bend_leg(side: usize, ankle: Vec3, rotation: Quat, posture: &mut P
         pose.place(posture, joint);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_world::{STANDS, close, database, frame_of, person};
+
+    fn stand() -> &'static DatabaseFrame {
+        &database().frames[frame_of("stand", 0)]
+    }
+
+    fn walk(index: usize) -> &'static DatabaseFrame {
+        &database().frames[frame_of("walk", index)]
+    }
+
+    fn at(x: f32) -> Planar {
+        Planar::new(Vec2::new(x, 0.0), 0.0)
+    }
+
+    fn clip(x: f32) -> Vec2 {
+        Foot::clip_toe(&at(x), stand(), 0).truncate()
+    }
+
+    #[test]
+    fn a_planted_toe_is_held_while_the_root_moves_on() {
+        let mut foot = Foot::standing(&at(0.0), stand(), 0);
+        assert!(foot.stands());
+        assert_eq!(foot.contact(1.0), 1.0);
+        for n in 1..=15 {
+            foot.step(&at(0.01 * n as f32), stand(), 0, true);
+            let shown = clip(0.01 * n as f32) + foot.toe.offset.truncate();
+            assert!(shown.distance(clip(0.0)) < 1e-5 && foot.stands());
+        }
+        // Sixteen centimetres are too far: it steps, in nine frames, and stands where the clip has it.
+        foot.step(&at(0.17), stand(), 0, true);
+        assert!(!foot.stands());
+        assert_eq!(foot.contact(1.0), 0.0);
+        let mut steps = 1;
+        while foot.stepping.is_some() {
+            foot.step(&at(0.17), stand(), 0, true);
+            steps += 1;
+            assert!(steps < 20);
+        }
+        assert_eq!(steps, (STEP_TIME * FRAME_RATE) as usize);
+        assert!(foot.stands() && foot.held.expect("held").distance(clip(0.17)) < 0.01);
+        assert_eq!(foot.contact(1.0), 1.0);
+    }
+
+    #[test]
+    fn no_foot_steps_while_the_other_is_in_the_air() {
+        let mut foot = Foot::standing(&at(0.0), stand(), 0);
+        foot.step(&at(0.3), stand(), 0, false);
+        assert!(foot.stands() && foot.held == Some(clip(0.0)));
+        foot.step(&at(0.3), stand(), 0, true);
+        assert!(!foot.stands());
+    }
+
+    #[test]
+    fn a_swinging_foot_lets_go_and_comes_to_its_clip() {
+        let mut foot = Foot::standing(&at(0.0), stand(), 0);
+        foot.step(&at(0.1), stand(), 0, true);
+        close(foot.toe.offset.x, -0.1, 1e-5);
+        let mut offsets = Vec::new();
+        for n in 0..8 {
+            foot.step(&at(0.1), walk(n), 0, true);
+            assert!(!foot.stands());
+            offsets.push(foot.toe.offset.x);
+        }
+        // From where it stood to nothing in a fifth of a second.
+        assert!(offsets[0] < -0.07 && offsets[0] > -0.101, "{offsets:?}");
+        assert!(offsets.windows(2).all(|w| w[1] >= w[0] - 1e-5));
+        close(offsets[5], 0.0, 1e-5);
+        assert_eq!((foot.contact(0.0), foot.contact(0.5), foot.contact(1.0)), (0.0, 0.5, 0.5));
+        // A walking foot appears without being held.
+        assert!(!Foot::standing(&at(0.0), walk(3), 0).stands());
+    }
+
+    #[test]
+    fn a_transition_keeps_the_toe_and_its_velocity() {
+        let mut foot = Foot::standing(&at(0.0), walk(3), 1);
+        foot.transition(&at(0.0), walk(3), walk(4), stand(), stand(), 1);
+        let shown = Foot::clip_toe(&at(0.0), stand(), 1) + foot.toe.offset;
+        assert!(shown.distance(Foot::clip_toe(&at(0.0), walk(3), 1)) < 1e-5);
+        // Gliding on at 1.2 m/s.
+        assert!(foot.toe.velocity.distance(Vec3::Y * -1.2) < 1e-3, "{}", foot.toe.velocity);
+        assert!(foot.turn.offset.length() < 1e-4);
+        assert!(foot.last_toe.distance(Foot::clip_toe(&at(0.0), stand(), 1)) < 1e-6);
+        // No noise is faster than 8 m/s.
+        let mut leaps = walk(4).clone();
+        leaps.toe[1].x += 1.0;
+        foot.transition(&at(0.0), walk(3), &leaps, stand(), stand(), 1);
+        close(foot.toe.velocity.length(), 8.0, 1e-3);
+    }
+
+    fn reached(foot: &mut Foot, height: f32, floor: f32) -> (Posture, Pose) {
+        let mut posture = person(Planar::default(), height, 0.0);
+        let mut pose = posture.pose();
+        foot.reach(&at(0.0), stand(), floor, 0, &mut posture, &mut pose);
+        (posture, pose)
+    }
+
+    #[test]
+    fn the_leg_bends_to_the_foot() {
+        let toe = |pose: &Pose| pose.position(Joint::LeftToe);
+        let own = Foot::clip_toe(&at(0.0), stand(), 0);
+        for height in [STANDS, 0.8, 0.6] {
+            let mut foot = Foot::standing(&at(0.0), stand(), 0);
+            let (posture, pose) = reached(&mut foot, height, 0.0);
+            assert!(toe(&pose).distance(own) < 1e-4, "{}", toe(&pose));
+            assert!(foot.stands());
+            // What is shown is what the rotations say, the sole is flat, and the knee is before the leg.
+            let again = posture.pose();
+            for joint in CHAIN[0] {
+                assert!(again.position(joint).distance(pose.position(joint)) < 1e-4);
+            }
+            assert!(pose.rotation(Joint::LeftFoot).angle_between(stand().foot_rotation[0]) < 2e-3);
+            assert!(pose.position(Joint::LeftLeg).y < pose.position(Joint::LeftUpLeg).y - 0.05);
+            assert_eq!(
+                posture.rotations[Joint::RightLeg.index()],
+                person(Planar::default(), height, 0.0).rotations[Joint::RightLeg.index()]
+            );
+        }
+    }
+
+    #[test]
+    fn a_leg_that_is_too_short_raises_the_heel_and_then_drags_the_toe() {
+        let own = Foot::clip_toe(&at(0.0), stand(), 0);
+        let mut foot = Foot::standing(&at(0.0), stand(), 0);
+        // 3 cm higher than a straight leg.
+        let (posture, pose) = reached(&mut foot, 1.02, 0.0);
+        assert!(pose.position(Joint::LeftToe).distance(own) < 2e-3 && foot.stands());
+        let tilt = pose.rotation(Joint::LeftFoot).angle_between(stand().foot_rotation[0]);
+        assert!((0.1..HEEL_RISE).contains(&tilt), "{tilt}");
+        assert!(pose.position(Joint::LeftFoot).z > 0.1);
+        // The toes stay flat on the floor.
+        assert!(pose.rotation(Joint::LeftToe).angle_between(stand().foot_rotation[0]) < 2e-3);
+        let hip = pose.position(Joint::LeftUpLeg);
+        assert!(hip.distance(pose.position(Joint::LeftFoot)) <= LONGEST_LEG + 1e-4);
+        assert!(posture.pose().position(Joint::LeftToe).distance(own) < 2e-3);
+        // 30 cm higher the foot comes off.
+        let (_, pose) = reached(&mut foot, 1.3, 0.0);
+        assert!(!foot.stands() && foot.dragged.is_some());
+        assert_eq!(foot.contact(1.0), 0.5);
+        close(pose.position(Joint::LeftUpLeg).distance(pose.position(Joint::LeftFoot)), LONGEST_LEG, 1e-3);
+        // From there it is held, and steps as soon as the other stands.
+        let dragged = foot.dragged.expect("dragged");
+        let mut waits = foot;
+        waits.step(&at(0.0), stand(), 0, false);
+        assert_eq!(waits.held, Some(dragged));
+        foot.step(&at(0.0), stand(), 0, true);
+        assert!(foot.stepping.is_some());
+    }
+
+    #[test]
+    fn a_step_lifts_the_foot_and_no_toe_sinks() {
+        let mut foot = Foot::standing(&at(0.0), stand(), 0);
+        foot.stepping = Some(STEP_TIME / 2.0);
+        let (_, pose) = reached(&mut foot, 0.9, 0.1);
+        close(pose.position(Joint::LeftToe).z, TOE_HEIGHT + STEP_HEIGHT + 0.1, 1e-3);
+        foot.stepping = Some(STEP_TIME / 6.0);
+        let (_, pose) = reached(&mut foot, 0.9, 0.0);
+        close(pose.position(Joint::LeftToe).z, TOE_HEIGHT + 0.5 * STEP_HEIGHT, 1e-3);
+        foot.stepping = None;
+        foot.toe.offset.z = -0.1;
+        let (_, pose) = reached(&mut foot, 0.9, 0.0);
+        close(pose.position(Joint::LeftToe).z, TOE_HEIGHT, 1e-3);
+    }
+}

@@ -166,4 +166,96 @@ mod tests {
         assert!((steps.iter().sum::<f32>() - 0.2).abs() < 2e-3);
         assert_eq!(glide.step(), Vec3::ZERO);
     }
+
+    /// Offset, velocity and acceleration after `t` of `end` seconds on the way of the fifth degree to rest at zero.
+    fn quintic(start: [f64; 3], end: f64, t: f64) -> [f64; 3] {
+        let [x, v, a] = start;
+        let c = [
+            x,
+            v,
+            a / 2.0,
+            (-20.0 * x - 12.0 * v * end - 3.0 * a * end.powi(2)) / (2.0 * end.powi(3)),
+            (30.0 * x + 16.0 * v * end + 3.0 * a * end.powi(2)) / (2.0 * end.powi(4)),
+            (-12.0 * x - 6.0 * v * end - a * end.powi(2)) / (2.0 * end.powi(5)),
+        ];
+        let power = |n: usize| if n == 0 { 1.0 } else { t.powi(n as i32) };
+        let sum = |terms: &dyn Fn(usize) -> f64| (0..6).map(terms).sum::<f64>();
+        [
+            sum(&|n| c[n] * power(n)),
+            sum(&|n| if n > 0 { n as f64 * c[n] * power(n - 1) } else { 0.0 }),
+            sum(&|n| if n > 1 { (n * (n - 1)) as f64 * c[n] * power(n - 2) } else { 0.0 }),
+        ]
+    }
+
+    #[test]
+    fn from_any_start_it_is_the_quintic_to_rest() {
+        for (start, seconds) in [([0.3, -1.2, 4.0], 0.5), ([-0.2, 2.0, -9.0], 0.8), ([0.0, 0.7, 3.0], 0.3)] {
+            let [x, v, a] = start.map(|n: f64| n as f32);
+            let mut inertia = Inertia {
+                offset: Vec3::new(x, -x, 0.0),
+                velocity: Vec3::new(v, -v, 0.0),
+                acceleration: Vec3::new(a, -a, 0.0),
+                left: seconds,
+            };
+            let frames = (seconds * 30.0).round() as usize;
+            for frame in 1..frames {
+                inertia.step();
+                let expected = quintic(start, f64::from(seconds), frame as f64 / 30.0);
+                let found = [inertia.offset.x, inertia.velocity.x, inertia.acceleration.x];
+                for ((found, expected), scale) in found.into_iter().zip(expected).zip([1.0, 10.0, 300.0]) {
+                    assert!(
+                        (f64::from(found) - expected).abs() < 1e-4 * scale,
+                        "{frame}: {found} {expected}"
+                    );
+                }
+                assert_eq!((inertia.offset.y, inertia.offset.z), (-inertia.offset.x, 0.0));
+                assert!((inertia.left - (seconds - frame as f32 / 30.0)).abs() < 1e-5);
+            }
+            inertia.step();
+            assert_eq!(inertia, Inertia::default());
+        }
+    }
+
+    #[test]
+    fn a_glides_velocity_is_the_cubic_to_rest() {
+        for (v, a, seconds) in [(1.0f64, -3.0f64, 0.5f64), (-0.4, 2.0, 0.3)] {
+            let mut glide = Glide {
+                velocity: Vec3::X * v as f32,
+                acceleration: Vec3::X * a as f32,
+                left: seconds as f32,
+            };
+            // v(t) = v + a t + b t² + c t³, which is 0 with its derivative at the end.
+            let b = (-3.0 * v - 2.0 * a * seconds) / seconds.powi(2);
+            let c = (2.0 * v + a * seconds) / seconds.powi(3);
+            let way = |t: f64| v * t + a * t * t / 2.0 + b * t.powi(3) / 3.0 + c * t.powi(4) / 4.0;
+            for frame in 1..(seconds * 30.0).round() as usize {
+                let (before, now) = ((frame - 1) as f64 / 30.0, frame as f64 / 30.0);
+                let step = f64::from(glide.step().x);
+                assert!((step - (way(now) - way(before))).abs() < 1e-6, "{frame}: {step}");
+                let velocity = v + a * now + b * now * now + c * now.powi(3);
+                let pull = a + 2.0 * b * now + 3.0 * c * now * now;
+                assert!((f64::from(glide.velocity.x) - velocity).abs() < 1e-5);
+                assert!((f64::from(glide.acceleration.x) - pull).abs() < 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_diverted_goes_on_at_the_pace_that_makes() {
+        let mut inertia = Inertia::default();
+        inertia.begin(Vec3::X, Vec3::Y, 0.1);
+        inertia.divert(Vec3::X * 1.2, 0.4);
+        assert_eq!((inertia.offset, inertia.left), (Vec3::X * 1.2, 0.4));
+        // 0.2 in a thirtieth of a second more.
+        assert!(inertia.velocity.distance(Vec3::new(6.0, 1.0, 0.0)) < 1e-4);
+        inertia.divert(Vec3::X, 0.2);
+        assert_eq!(inertia.left, 0.4);
+        inertia.velocity = Vec3::new(0.0, 30.0, 40.0);
+        inertia.limit_velocity();
+        assert!(inertia.velocity.distance(Vec3::new(0.0, 4.8, 6.4)) < 1e-5);
+        let mut glide = Glide::default();
+        glide.add(Vec3::X, 0.2);
+        glide.add(Vec3::Y, 0.3);
+        assert_eq!((glide.velocity, glide.left), (Vec3::new(1.0, 1.0, 0.0), 0.3));
+    }
 }

@@ -295,3 +295,278 @@ fn normalize(q: Quat) -> Quat {
     let length = q.length_squared();
     if (length - 1.0).abs() > 1e-6 { q.normalize() } else { q }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rotation::angle_between;
+    use crate::test_world::{
+        PACE, SITS_AT, SITS_BACK, SITS_IN, STANDS, STOPS_AFTER, TURN, close, database, frame_of, sit_cue,
+        stop_cue,
+    };
+    use glam::Vec2;
+    use std::f32::consts::FRAC_PI_2;
+
+    const NO_OFFSET: PostureOffset = [Vec3::ZERO; 4];
+
+    fn at(clip: &str, index: usize, start: Planar, floor: f32) -> Character {
+        Character::standing(database(), frame_of(clip, index), start, floor)
+    }
+
+    fn play(character: &mut Character, frames: usize) {
+        (0..frames).for_each(|_| character.advance(database(), &NO_OFFSET));
+    }
+
+    #[test]
+    fn a_clip_is_played_from_where_one_stands() {
+        // Facing +X on a floor of 0.3 m.
+        let start = Planar::new(Vec2::new(1.0, 2.0), FRAC_PI_2);
+        let mut character = at("walk", 10, start, 0.3);
+        let rest = character.posture;
+        assert_eq!(character.velocity(), Vec2::ZERO);
+        for n in 1..=20 {
+            let before = character.pose;
+            character.advance(database(), &NO_OFFSET);
+            let place = Vec3::new(1.0 + PACE * n as f32, 2.0, STANDS + 0.3);
+            assert!(
+                character.posture.root_position.distance(place) < 1e-4,
+                "{}",
+                character.posture.root_position
+            );
+            assert_eq!(character.before, before);
+            assert_eq!(character.frame, frame_of("walk", 10 + n));
+            assert!(character.velocity().distance(Vec2::new(0.0, -1.2)) < 1e-3);
+            for joint in Joint::ALL {
+                // Nothing but the root moves: the whole person glides.
+                let moved = character.pose.position(joint) - rest.pose().position(joint);
+                assert!(moved.distance(Vec3::X * PACE * n as f32) < 2e-3, "{joint:?}: {moved}");
+            }
+            assert_eq!(
+                (character.contact, character.leg_speed, character.offset_distance),
+                ([0.0; 2], 1.0, 0.0)
+            );
+        }
+        // What it looks like is over the floor that it stands on.
+        let feature = character.pose_feature();
+        close(feature[11], crate::motion::skeleton::ANKLE_HEIGHT, 2e-3);
+        // At its end a clip stands still.
+        play(&mut character, 200);
+        assert_eq!(character.frame, frame_of("walk", 119));
+        assert_eq!(character.until_complete(database()), None);
+    }
+
+    #[test]
+    fn a_curve_turns_with_its_clip() {
+        let mut character = at("left", 0, Planar::new(Vec2::ZERO, 1.0), 0.0);
+        play(&mut character, 30);
+        close(character.planar.yaw, 1.0 + 0.04 * 30.0, 1e-4);
+        let yaw: f32 = 1.2;
+        let local = 0.75 * Vec2::new(1.0 - yaw.cos(), -yaw.sin());
+        let place = Vec2::from_angle(1.0).rotate(local);
+        assert!(character.planar.position.distance(place) < 1e-3, "{}", character.planar.position);
+    }
+
+    #[test]
+    fn a_transition_shows_no_jump_and_is_soon_forgotten() {
+        // From half of the way down to a seat to standing: 20 cm and bent legs.
+        let mut character = at("sit", 30, Planar::default(), 0.0);
+        play(&mut character, 1);
+        let from = character.pose;
+        character.transition(database(), frame_of("stand", 0));
+        let mut expected = Inertia::default();
+        let z = |frame: usize| database().frames[frame].posture.root_position.z;
+        let (old, new) = (frame_of("sit", 31), frame_of("stand", 0));
+        expected.begin(
+            Vec3::Z * (z(old) - z(new)),
+            Vec3::Z * (z(old + 1) - z(old)) * FRAME_RATE,
+            TRANSITION_SECONDS,
+        );
+        let mut last = from;
+        for _ in 0..40 {
+            character.advance(database(), &NO_OFFSET);
+            expected.step();
+            close(character.posture.root_position.z, STANDS + expected.offset.z, 1e-4);
+            for joint in Joint::ALL {
+                let step = character.pose.position(joint).distance(last.position(joint));
+                assert!(step < 0.08, "{joint:?} {step}");
+            }
+            last = character.pose;
+        }
+        let own = &database().frames[character.frame].posture;
+        for joint in Joint::ALL {
+            let off = angle_between(character.posture.rotations[joint.index()], own.rotations[joint.index()]);
+            // The legs bend to where the feet stand.
+            let allowed = if joint >= Joint::LeftUpLeg { 0.35 } else { 1e-3 };
+            assert!(off < allowed, "{joint:?} {off}");
+        }
+        close(character.posture.root_position.z, STANDS, 1e-4);
+    }
+
+    #[test]
+    fn the_root_glides_from_pace_to_pace() {
+        let mut character = at("walk", 0, Planar::default(), 0.0);
+        play(&mut character, 10);
+        let begun = character.planar.position;
+        character.transition(database(), frame_of("stand", 0));
+        let mut steps = Vec::new();
+        for _ in 0..30 {
+            let before = character.planar.position;
+            character.advance(database(), &NO_OFFSET);
+            steps.push(character.planar.position.distance(before));
+        }
+        assert!(steps[0] < PACE && steps[0] > 0.9 * PACE, "{steps:?}");
+        assert!(steps.windows(2).all(|w| w[1] <= w[0] + 1e-6));
+        assert!(steps[11..].iter().all(|s| *s < 1e-6), "{steps:?}");
+        // Half of what it would go at its first pace.
+        let gone = character.planar.position - begun;
+        close(gone.y, -0.5 * PACE * FRAME_RATE * ROOT_SETTLES_IN, 0.01);
+        close(gone.x, 0.0, 1e-5);
+        // The same for turning.
+        let mut character = at("left", 0, Planar::default(), 0.0);
+        play(&mut character, 10);
+        let before = character.planar.yaw;
+        character.transition(database(), frame_of("stand", 0));
+        play(&mut character, 30);
+        close(character.planar.yaw - before, 0.5 * 0.04 * FRAME_RATE * ROOT_SETTLES_IN, 0.01);
+    }
+
+    #[test]
+    fn arms_turn_to_their_offset_no_faster_than_they_may() {
+        let elbow = Joint::LeftForeArm.index();
+        let wanted = [Vec3::ZERO, Vec3::Y * 0.8, Vec3::ZERO, Vec3::X * -0.3];
+        let mut character = at("stand", 0, Planar::default(), 0.0);
+        let own = character.posture;
+        let mut last = own.rotations[elbow];
+        let mut turned = Vec::new();
+        for _ in 0..25 {
+            character.advance(database(), &wanted);
+            let now = character.posture.rotations[elbow];
+            assert!(angle_between(last, now) <= TURN + 1e-4);
+            turned.push(angle_between(own.rotations[elbow], now));
+            last = now;
+        }
+        assert!(turned[0] < 0.05 && turned.windows(2).all(|w| w[1] >= w[0] - 1e-4), "{turned:?}");
+        let shown = own.rotations[elbow].inverse() * last;
+        assert!(to_angle_axis(shown).distance(wanted[1]) < 1e-3, "{}", to_angle_axis(shown));
+        close(character.offset_distance, 0.64 + 0.09, 1e-4);
+        // And back.
+        play(&mut character, 25);
+        assert!(angle_between(own.rotations[elbow], character.posture.rotations[elbow]) < 1e-3);
+        assert_eq!(character.offset_distance, 0.0);
+    }
+
+    #[test]
+    fn what_would_turn_too_fast_is_caught_up_with() {
+        let mut database = database().clone();
+        database.turns = crate::library::database::TurnLimits::new([0.03; JOINT_COUNT]);
+        let elbow = Joint::RightForeArm.index();
+        let wanted = [Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Vec3::Y * 0.9];
+        let mut character = Character::standing(&database, frame_of("stand", 0), Planar::default(), 0.0);
+        let own = character.posture.rotations[elbow];
+        let (mut last, mut fastest) = (own, 0.0f32);
+        for frame in 0..90 {
+            character.advance(&database, &wanted);
+            let now = character.posture.rotations[elbow];
+            fastest = fastest.max(angle_between(last, now));
+            let shown = character.posture.pose();
+            for joint in UPPER_BODY {
+                let off = shown.position(joint).distance(character.pose.position(joint));
+                assert!(off < 1e-4, "frame {frame}: {joint:?} is shown {off} m from where it is");
+            }
+            last = now;
+        }
+        assert!(fastest <= 0.03 && fastest > 0.029, "{fastest}");
+        close(angle_between(own, last), 0.9, 0.02);
+    }
+
+    #[test]
+    fn a_leg_that_hurries_is_said() {
+        let mut database = database().clone();
+        database.turns = crate::library::database::TurnLimits::new([0.01; JOINT_COUNT]);
+        let mut character = Character::standing(&database, frame_of("sit", 28), Planar::default(), 0.0);
+        let knee = Joint::LeftLeg.index();
+        let before = character.posture.rotations[knee];
+        character.advance(&database, &NO_OFFSET);
+        let fastest = feet::CHAIN.iter().flatten().map(|j| j.index()).map(|j| {
+            let last = Character::standing(&database, frame_of("sit", 28), Planar::default(), 0.0).posture;
+            angle_between(last.rotations[j], character.posture.rotations[j]) / 0.01
+        });
+        let fastest = fastest.fold(0.0, f32::max);
+        assert!(fastest > 1.5 && angle_between(before, character.posture.rotations[knee]) > 0.01);
+        close(character.leg_speed, fastest, 0.02);
+    }
+
+    #[test]
+    fn nobody_turns_faster_than_the_hips_may() {
+        let mut database = database().clone();
+        database.turns = crate::library::database::TurnLimits::new([0.02; JOINT_COUNT]);
+        for (clip, side) in [("left", 1.0), ("right", -1.0)] {
+            let mut character = Character::standing(&database, frame_of(clip, 0), Planar::default(), 0.0);
+            (0..10).for_each(|_| character.advance(&database, &NO_OFFSET));
+            close(character.planar.yaw, side * 10.0 * 0.97 * 0.02, 1e-4);
+        }
+    }
+
+    #[test]
+    fn a_sit_is_led_to_its_cue() {
+        for (shift, turn, lift) in [
+            (Vec2::ZERO, 0.0, 0.0),
+            (Vec2::new(0.1, 0.05), 0.25, 0.05),
+            (Vec2::new(-0.08, -0.1), -0.2, -0.06),
+        ] {
+            let mut cue = sit_cue();
+            cue.position += shift.extend(lift + 0.2);
+            cue.yaw = turn;
+            let mut character = at("sit", 0, Planar::default(), 0.2);
+            character.align(&cue);
+            assert_eq!(character.until_complete(database()), Some(SITS_IN));
+            let mut last = character.planar;
+            for ahead in (0..SITS_IN).rev() {
+                let contact = character.contact;
+                character.advance(database(), &NO_OFFSET);
+                for (side, toe) in Joint::TOES.into_iter().enumerate() {
+                    // No planted foot is dragged along.
+                    let slid = character.pose.position(toe).distance(character.before.position(toe));
+                    let planted = contact[side] == 1.0 && character.contact[side] == 1.0;
+                    assert!(!planted || slid < 1e-3, "{slid}");
+                }
+                assert_eq!(character.until_complete(database()), Some(ahead));
+                // Half a centimetre is the clip's own, more is led.
+                let step = character.planar.position.distance(last.position);
+                assert!(step < 0.012 + 0.022, "{step}");
+                assert!(wrap_angle(character.planar.yaw - last.yaw).abs() < 0.05);
+                last = character.planar;
+            }
+            let root = character.posture.root_position;
+            assert!(root.distance(cue.position) < 2e-3, "{root} for {}", cue.position);
+            close(character.planar.yaw, turn, 2e-3);
+            // Once complete nothing is led any more.
+            play(&mut character, 10);
+            assert!(character.posture.root_position.distance(root) < 1e-4);
+        }
+        let here = at("sit", 0, Planar::default(), 0.0).posture.root_position;
+        assert!(here.distance(Vec3::new(0.0, 0.0, STANDS)) < 1e-4 && SITS_BACK > 0.0 && SITS_AT < STANDS);
+    }
+
+    #[test]
+    fn a_stop_is_led_on_the_floor_alone() {
+        let cue = stop_cue(Vec2::new(0.1, -STOPS_AFTER - 0.06), 0.1);
+        let mut character = at("stop", 0, Planar::default(), 0.0);
+        character.align(&cue);
+        play(&mut character, 45);
+        let root = character.posture.root_position;
+        assert!(root.distance(Vec3::new(0.1, -STOPS_AFTER - 0.06, STANDS)) < 3e-3, "{root}");
+        close(character.planar.yaw, 0.1, 1e-3);
+        // A new transition forgets the cue.
+        character.transition(database(), frame_of("walk", 0));
+        assert_eq!(character.until_complete(database()), None);
+    }
+
+    #[test]
+    fn a_rotation_stays_one() {
+        let q = Quat::from_xyzw(0.1, 0.2, 0.3, 0.9);
+        close(normalize(q).length(), 1.0, 1e-6);
+        let unit = q.normalize();
+        assert_eq!(normalize(unit), unit);
+    }
+}

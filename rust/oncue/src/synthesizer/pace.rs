@@ -183,4 +183,51 @@ mod tests {
         assert!(eased.windows(2).all(|w| (w[1] - w[0]).abs() < 0.2));
         assert!(eased[..8].iter().all(|e| (e - 1.0).abs() < 1e-6));
     }
+
+    #[test]
+    fn a_step_takes_as_long_as_it_is_too_fast() {
+        assert_eq!((over(0.5), over(1.0)), (1.0, 1.0));
+        assert!((over(2.0) - 2.0 / 0.99).abs() < 1e-6);
+        let mut posture = Posture::default();
+        posture.rotations[5] = Quat::from_rotation_x(0.3);
+        posture.rotations[6] = Quat::from_rotation_z(0.2);
+        let limits = TurnLimits::new([0.1; JOINT_COUNT]);
+        assert!((hurry(&[Posture::default(), posture], &limits) - 3.0).abs() < 1e-3);
+        assert_eq!(hurry(&[posture, posture], &limits), 1.0);
+    }
+
+    #[test]
+    fn frames_are_shown_at_their_pace() {
+        // Three frames, the first step twice as long, the second half again as long.
+        let mut motion = motion();
+        motion.postures.truncate(3);
+        motion.contacts = vec![[1.0, 0.0], [0.5, 1.0], [1.0, 1.0]];
+        let paced = played(&motion, &[2.0, 1.5]);
+        assert_eq!(paced.shows.len(), 5);
+        for (shown, expected) in paced.shows.iter().zip([0.0, 0.5, 1.0, 1.0 + 2.0 / 3.0, 2.0]) {
+            assert!((shown - expected).abs() < 1e-4, "{:?}", paced.shows);
+        }
+        assert_eq!(paced.motion.postures[0], motion.postures[0]);
+        assert_eq!(paced.motion.postures[4], motion.postures[2]);
+        let x = paced.motion.postures[1].root_position.x;
+        assert!((x - 0.0005).abs() < 1e-5, "{x}");
+        // Between two frames a foot is planted as far as it is in both.
+        assert_eq!(paced.motion.contacts[..2], [[1.0, 0.0], [0.5, 0.0]]);
+        assert_eq!(paced.motion.contacts[3], [0.5, 1.0]);
+        assert_eq!(paced.motion.contacts[4], [1.0, 1.0]);
+        let frames: Vec<usize> = (0..3).map(|f| paced.frame_of(f)).collect();
+        assert_eq!(frames, [0, 2, 4]);
+        assert_eq!(paced.frame_of(9), 4);
+    }
+
+    #[test]
+    fn what_is_eased_falls_off_evenly() {
+        let mut needed = vec![1.0; 20];
+        needed[10] = 1.6;
+        for (i, eased) in eased(&needed).into_iter().enumerate() {
+            // A sixth less with each frame to either side.
+            let expected = 1.0 + 0.6 * (1.0 - i.abs_diff(10) as f32 / 6.0).max(0.0);
+            assert!((eased - expected).abs() < 1e-5, "{i}: {eased} {expected}");
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! What several test files share: where the reference data lies, and readers for it.
+//! What several test files share: where the reference data lies, readers for it, and tests that need it.
 #![allow(dead_code)]
 
 pub mod boxes;
@@ -7,15 +7,10 @@ pub mod rooms;
 
 use std::path::PathBuf;
 
-/// The folder of reference data: `ONCUE_SHARED`, or `../shared` beside the repository. `None`, with a message, where absent.
+/// A part of the reference data: in `ONCUE_SHARED`, or in `../shared` beside the repository. `None` where it is absent.
 pub fn shared(part: &str) -> Option<PathBuf> {
     let root = std::env::var_os("ONCUE_SHARED")
         .map(PathBuf::from)
         .unwrap_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared"));
-    let path = root.join(part);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("skipped: {} is absent (set ONCUE_SHARED)", path.display());
-    None
+    Some(root.join(part)).filter(|path| path.exists())
 }
