@@ -494,11 +494,12 @@ mod tests {
             "{exact:?}"
         );
         // Each limit by itself: just within it, and just beyond.
-        let limits: [(&str, f32, &dyn Fn(&mut World, f32)); 4] = [
-            ("position", 0.30, &|w, x| w.task.cue.position.x += x),
-            ("direction", 0.5, &|w, x| w.task.cue.yaw += x),
-            ("direction", 0.5, &|w, x| w.task.cue.yaw -= x),
-            ("height", 0.08, &|w, x| w.task.cue.position.z += x),
+        type Move = fn(&mut World, f32);
+        let limits: [(&str, f32, Move); 4] = [
+            ("position", 0.30, |w, x| w.task.cue.position.x += x),
+            ("direction", 0.5, |w, x| w.task.cue.yaw += x),
+            ("direction", 0.5, |w, x| w.task.cue.yaw -= x),
+            ("height", 0.08, |w, x| w.task.cue.position.z += x),
         ];
         for (name, limit, shift) in limits {
             let (near, accepted) = action(&|w| shift(w, 0.9 * limit));
