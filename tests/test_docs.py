@@ -55,3 +55,14 @@ def test_decisions_that_are_named_exist():
             assert named <= known, f"{name_of(path)}: {match.group()}"
         for file in re.findall(r"decisions/(\d{4}[\w-]*\.md)", path.read_text(encoding="utf-8")):
             assert (DECISIONS / file).exists(), f"{name_of(path)}: {file}"
+
+
+#: A source file as the documents write it: `scene/mod.rs`, from the core's sources or from the root.
+SOURCE_PATH = re.compile(r"`([\w./-]+/[\w.-]+\.(?:rs|py))`")
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
+def test_source_files_that_are_named_exist(document):
+    from_here = [ROOT, ROOT / "rust" / "oncue" / "src", ROOT / "rust" / "oncue", ROOT / "addon"]
+    for path in SOURCE_PATH.findall(document.read_text(encoding="utf-8")):
+        assert any((folder / path).exists() for folder in from_here), f"{name_of(document)}: {path}"

@@ -259,9 +259,7 @@ def run_break(made: Break) -> bool:
         path.write_text(sound)
 
 
-def summary(
-    total: int, arguments: argparse.Namespace, outcomes: dict[str, list[str]], breaks: dict[str, bool]
-) -> str:
+def summary(total: int, arguments: argparse.Namespace, outcomes: dict[str, list[str]], breaks: dict[str, bool]) -> str:
     """docs/mutants.md."""
     counts = {kind: len(names) for kind, names in outcomes.items()}
     caught = counts["CaughtMutant"] + counts["Timeout"]

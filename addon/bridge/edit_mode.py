@@ -13,7 +13,7 @@ from .what_counts import things_of
 
 @contextmanager
 def copies_outside(context: bpy.types.Context) -> Iterator[dict[bpy.types.Object, bpy.types.Object]]:
-    """Within the block stands, beside each object whose modifiers edit mode does not show, a copy out of edit mode.
+    """While the block runs, each object whose modifiers edit mode does not show has a copy outside edit mode beside it.
 
     Gives copy → object. Some modifiers never show in edit mode, and nothing says which. The edited mesh itself needs no
     copy: `to_mesh` gives it.

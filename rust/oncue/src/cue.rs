@@ -34,7 +34,7 @@ pub struct ActionCue {
     pub name: String,
     /// One of [`ActionType::of_cues`].
     pub action_type: ActionType,
-    /// q_root: where the pelvis joint ends, world, metres. For a stop only x and y count.
+    /// q_root: where the pelvis joint ends, world, metres. How far z counts is the action type's: see [`crate::action::CueHeight`].
     pub position: Vec3,
     /// r_root's part about the vertical: the facing at the end, radians; see [`Planar`].
     pub yaw: f32,
@@ -103,7 +103,7 @@ pub struct ManipulationCue {
     pub first_frame: Option<usize>,
 }
 
-/// One task: a start and what follows it. Today one cue; the list leaves room for chains.
+/// One task: a start, the cue that follows it, and what the hands do.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Task {

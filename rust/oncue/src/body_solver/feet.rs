@@ -96,7 +96,7 @@ impl FootPlan {
         }
     }
 
-    /// Frames of `range` before `frame` in which a foot is in the air, as one stretch: its last swing.
+    /// The last stretch of frames earlier than `before` in which the foot of a side is in the air: its last swing.
     pub(crate) fn last_swing(&self, side: usize, before: usize) -> Option<Range<usize>> {
         let end = (0..before.min(self.feet.len())).rev().find(|&f| !self.feet[f][side].planted)? + 1;
         let first = (0..end).rev().find(|&f| self.feet[f][side].planted).map_or(0, |f| f + 1);

@@ -31,7 +31,8 @@ pub enum EpisodeEnd {
     Complete,
     /// Early terminations (LAMA, supplementary).
     LeftScene,
-    /// The limbs were in furniture for five frames.
+    /// The mean r_coli of the last five frames, over the whole body, fell below `termination.collision`. Never with
+    /// `reward.collision` off.
     Collision,
     /// The root hardly moved for as many frames as the settings say.
     Stall,
@@ -50,7 +51,7 @@ pub struct Tally {
     pub touching: usize,
     /// Crossings of the whole body, summed.
     pub crossings: u64,
-    /// C_tr + C_vel over all transitions, and the worst.
+    /// C_tr + C_vel, summed over all transitions.
     pub transition: f32,
     /// The largest C_tr + C_vel.
     pub worst_transition: f32,

@@ -4,8 +4,8 @@
 //! Frames are sorted like the leaves of a k-d tree, so that neighbours in memory are alike; boxes over
 //! the first components bound whole groups of them from below; groups that cannot hold the best are
 //! passed over, and what is left is summed component by component until it is too far. Frames lie in
-//! blocks of 16 with the frame as the fastest index, so that the loops vectorise; AVX2 is chosen at run
-//! time, and both paths do the same arithmetic in the same order.
+//! blocks of 16 with the frame as the fastest index, so that the compiler vectorises the loops; the
+//! level is chosen at run time, and every level does the same arithmetic in the same order.
 
 use ndarray::ArrayView2;
 

@@ -186,7 +186,8 @@ impl SceneIndex {
         self.intersections(&BODY_BOXES, pose, |node| if node.is_carried() { over.max(above) } else { above })
     }
 
-    /// As [`SceneIndex::body_intersections`] for legs and arms alone: the B of r_coli (LAMA, eq. 4).
+    /// As [`SceneIndex::body_intersections`] for legs and arms alone: the B of the paper's r_coli (LAMA, eq. 4). Ours counts the
+    /// whole body; this is what the collision benches compare.
     pub fn limb_intersections(&self, pose: &Pose, above: f32) -> [u32; LIMB_BOX_COUNT] {
         self.intersections(&LIMB_BOXES, pose, |_| above)
     }

@@ -223,9 +223,10 @@ impl Default for RewardSettings {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TerminationSettings {
-    /// Mean r_coli of 5 frames below this (released: 0.04).
+    /// An episode ends when the mean r_coli of 5 frames is below this (released: 0.04); r_coli is 1 where `reward.collision` is
+    /// off.
     pub collision: f32,
-    /// Mean root step of 50 frames below this, metres a frame (released: 0.03).
+    /// An episode ends when the mean root step of `stall_frames` is below this, metres a frame (released: 0.03).
     pub stall_step: f32,
     /// Frames over which that is looked at.
     pub stall_frames: usize,

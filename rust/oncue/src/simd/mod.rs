@@ -5,8 +5,8 @@
 //! proof that its instructions are there: one exists only where the processor was asked. Every level that a processor has
 //! can be called by itself, so that tests hold each against a plain reference.
 //!
-//! A kernel's functions are inlined into the place where they are entered. Closures and iterators may stay functions of
-//! their own, without the instructions, so kernels use neither in their inner loops.
+//! A kernel's functions are inlined into the place where they are entered. A closure that is not inlined stays a
+//! function of its own, without the instructions, so that kernels are measured after a change (`nox -s bench`).
 
 mod vector;
 #[cfg(target_arch = "x86_64")]
@@ -48,8 +48,11 @@ impl Level {
         static CURRENT: OnceLock<Level> = OnceLock::new();
         *CURRENT.get_or_init(|| {
             let best = Self::available().fold(Level::Portable, Level::max);
-            let wanted = std::env::var("ONCUE_SIMD").unwrap_or_default();
-            Self::available().find(|level| level.to_string() == wanted).unwrap_or(best)
+            let Ok(wanted) = std::env::var("ONCUE_SIMD") else { return best };
+            Self::available().find(|level| level.to_string() == wanted).unwrap_or_else(|| {
+                log::warn!(target: "oncue", "ONCUE_SIMD is ‘{wanted}’, a level that this processor has not; {best} is used");
+                best
+            })
         })
     }
 
@@ -62,7 +65,7 @@ impl Level {
 
     /// The levels that this processor has, the smallest first.
     #[cfg(not(target_arch = "x86_64"))]
-    pub fn available() -> impl Iterator<Item = Level> {
+    pub(crate) fn available() -> impl Iterator<Item = Level> {
         [Level::Portable].into_iter()
     }
 
