@@ -469,7 +469,8 @@ mod tests {
         // A rate at which r_coli is 1/e there.
         let pose = crate::test_world::still(1).postures[0].pose();
         let counts = world.scene.body_intersections(&pose, world.settings.reward.ignore_below);
-        let weighted = -collision_reward(&counts, &world.settings.reward).ln() / world.settings.reward.collision_rate;
+        let weighted =
+            -collision_reward(&counts, &world.settings.reward).ln() / world.settings.reward.collision_rate;
         world.settings.reward.collision_rate = 1.0 / weighted;
         world.settings.termination.collision = 0.4;
         let environment = world.environment();

@@ -263,7 +263,8 @@ mod tests {
         // Logits of 1 : e : e² over two allowed types, and two numbers about 1 and -2.
         let mean = [0.0, 1.0, 2.0, 1.0, -2.0];
         let gaussian = Gaussian::of(&[0.5f32.ln(), 2f32.ln()]);
-        let draws: Vec<Draw> = (0..4000).map(|_| draw(&mean, [true, false, true], &gaussian, 1.0, &mut rng)).collect();
+        let draws: Vec<Draw> =
+            (0..4000).map(|_| draw(&mean, [true, false, true], &gaussian, 1.0, &mut rng)).collect();
         let count = |k: usize| draws.iter().filter(|d| d.action_type == k).count() as f32 / 4000.0;
         let p = 1.0 / (1.0 + 2f32.exp());
         assert!((count(0) - p).abs() < 0.02 && count(1) == 0.0 && (count(2) + p - 1.0).abs() < 0.02);
@@ -281,7 +282,8 @@ mod tests {
             assert!((d.log_probability - chosen.ln() - of(0, 0.5) - of(1, 2.0)).abs() < 1e-4);
         }
         // Half the spread halves it; none takes the mean and the likeliest type that is allowed.
-        let half: Vec<f32> = (0..4000).map(|_| draw(&mean, [true; 3], &gaussian, 0.5, &mut rng).vector[1]).collect();
+        let half: Vec<f32> =
+            (0..4000).map(|_| draw(&mean, [true; 3], &gaussian, 0.5, &mut rng).vector[1]).collect();
         let v = half.iter().map(|x| (x + 2.0).powi(2)).sum::<f32>() / 4000.0;
         assert!((v.sqrt() - 1.0).abs() < 0.05, "{v}");
         let still = draw(&mean, [true, true, false], &gaussian, 0.0, &mut rng);

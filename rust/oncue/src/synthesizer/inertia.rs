@@ -203,7 +203,10 @@ mod tests {
                 let expected = quintic(start, f64::from(seconds), frame as f64 / 30.0);
                 let found = [inertia.offset.x, inertia.velocity.x, inertia.acceleration.x];
                 for ((found, expected), scale) in found.into_iter().zip(expected).zip([1.0, 10.0, 300.0]) {
-                    assert!((f64::from(found) - expected).abs() < 1e-4 * scale, "{frame}: {found} {expected}");
+                    assert!(
+                        (f64::from(found) - expected).abs() < 1e-4 * scale,
+                        "{frame}: {found} {expected}"
+                    );
                 }
                 assert_eq!((inertia.offset.y, inertia.offset.z), (-inertia.offset.x, 0.0));
                 assert!((inertia.left - (seconds - frame as f32 / 30.0)).abs() < 1e-5);
