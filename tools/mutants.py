@@ -1,8 +1,8 @@
-"""How many breaks of the core its unit tests notice: a seeded sample of cargo-mutants' mutants, and some breaks by name.
+"""How many breaks of the core its unit tests notice: a seeded sample of cargo-mutants' mutants, and breaks by name.
 
-Run by `nox -s mutants`. The mutants are made in a copy of the repository under `.nox/mutants`, with a target folder of its
-own, so that one may go on working meanwhile. The summary goes to docs/mutants.md; what is said there of a missed mutant,
-after its dash, is kept from run to run.
+Run by `nox -s mutants`. The mutants are made in a copy of the repository under `.nox/mutants`, with a target folder of
+its own, so that one may go on working meanwhile. The summary goes to docs/mutants.md; what is said there of a missed
+mutant, after its dash, is kept from run to run.
 """
 
 from __future__ import annotations
@@ -274,9 +274,7 @@ def run_break(made: Break) -> bool:
         path.write_text(sound)
 
 
-def summary(
-    total: int, arguments: argparse.Namespace, outcomes: dict[str, list[str]], breaks: dict[str, bool]
-) -> str:
+def summary(total: int, arguments: argparse.Namespace, outcomes: dict[str, list[str]], breaks: dict[str, bool]) -> str:
     """docs/mutants.md."""
     counts = {kind: len(names) for kind, names in outcomes.items()}
     caught = counts["CaughtMutant"] + counts["Timeout"]
@@ -285,9 +283,9 @@ def summary(
     lines = [
         "# What the unit tests notice",
         "",
-        "Written by `nox -s mutants` (tools/mutants.py), which breaks the core one place at a time, in a copy, and runs the",
-        "unit tests of the broken modules. Integration tests, the add-on's and the benches would notice more; they are too",
-        "slow to be asked each time.",
+        "Written by `nox -s mutants` (tools/mutants.py), which breaks the core one place at a time, in a copy, and runs",
+        "the unit tests of the broken module and of what is made of it. Integration tests and the add-on's would notice",
+        "more; they are too slow to be asked each time.",
         "",
         f"Of {total} mutants that cargo-mutants makes of {', '.join(f'`{files}`' for files in GROUPS)}, "
         f"{viable + counts['Unviable']} were drawn with seed {arguments.seed}"
