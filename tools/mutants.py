@@ -283,9 +283,9 @@ def summary(total: int, arguments: argparse.Namespace, outcomes: dict[str, list[
     lines = [
         "# What the unit tests notice",
         "",
-        "Written by `nox -s mutants` (tools/mutants.py), which breaks the core one place at a time, in a copy, and runs",
-        "the unit tests of the broken module and of what is made of it. Integration tests and the add-on's would notice",
-        "more; they are too slow to be asked each time.",
+        "Written by `nox -s mutants` (tools/mutants.py), which breaks the core one place at a time, in a copy, and",
+        "runs the unit tests of the broken module and of what is made of it. Integration tests and the add-on's would",
+        "notice more; they are too slow to be asked each time.",
         "",
         f"Of {total} mutants that cargo-mutants makes of {', '.join(f'`{files}`' for files in GROUPS)}, "
         f"{viable + counts['Unviable']} were drawn with seed {arguments.seed}"

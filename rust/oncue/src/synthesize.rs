@@ -304,7 +304,7 @@ mod tests {
         assert_eq!((found.source, found.kept.end), (PolicySource::Prior, EpisodeEnd::Complete));
         assert_eq!((found.learning.curve.len(), found.learning.environment_steps), (0, 0));
         assert_eq!(found.policy.policy, good.policy);
-        assert_eq!(found.policy.origin.cues, [world.task.cue.clone()]);
+        assert_eq!(found.policy.origin.cues, std::slice::from_ref(&world.task.cue));
         assert_eq!(found.policy.origin.scene, world.scene.fingerprint());
         assert_eq!(found.policy.origin.library, database().library_checksum);
     }

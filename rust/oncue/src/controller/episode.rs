@@ -484,7 +484,6 @@ mod tests {
         let coli = episode.collisions[0];
         close(coli, (-1f32).exp(), 0.02);
         // A little under its value it does not end.
-        let mut world = world;
         world.settings.termination.collision = coli - 0.01;
         let environment = world.environment();
         assert_eq!(
@@ -751,7 +750,7 @@ mod tests {
         let mut world = World::stool();
         world.scene = crate::test_world::room(&[([-0.2, 0.25, 0.0], [0.2, 0.5, 0.62])]);
         let (episode, outcome) = sit(&world);
-        assert_eq!(outcome.end.is_some(), true);
+        assert!(outcome.end.is_some());
         assert!(episode.tally.touching > 0 && episode.tally.crossings > 0);
     }
 

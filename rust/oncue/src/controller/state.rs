@@ -492,7 +492,8 @@ mod tests {
             "{exact:?}"
         );
         // Each limit by itself: just within it, and just beyond.
-        let limits: [(&str, f32, &dyn Fn(&mut World, f32)); 4] = [
+        type Shift<'a> = &'a dyn Fn(&mut World, f32);
+        let limits: [(&str, f32, Shift); 4] = [
             ("position", 0.30, &|w, x| w.task.cue.position.x += x),
             ("direction", 0.5, &|w, x| w.task.cue.yaw += x),
             ("direction", 0.5, &|w, x| w.task.cue.yaw -= x),
