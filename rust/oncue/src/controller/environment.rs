@@ -81,3 +81,59 @@ impl<'a> Environment<'a> {
         transition_cost(query, &self.database.pose_features[frame], &self.walk_weights)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_world::{World, database};
+
+    #[test]
+    fn what_scene_and_library_were_not_made_with_is_refused() {
+        let said = |change: &dyn Fn(&mut Settings)| {
+            let mut world = World::stop_ahead(1.0);
+            change(&mut world.settings);
+            Environment::new(&world.scene, database(), &world.task, &world.settings)
+                .map_or_else(|e| e.to_string(), |_| String::new())
+        };
+        assert_eq!(said(&|_| ()), "");
+        assert!(said(&|s| s.scene.cell_size = 0.06).contains("indexed with other settings"));
+        assert!(said(&|s| s.synthesizer.weights.up = 3.0).contains("with other weights"));
+        assert!(said(&|s| s.ppo.clip = -1.0).contains("ppo.clip"));
+        // A scene that was itself indexed so is fine, whatever the settings say of scenes in general.
+        let mut world = World::stop_ahead(1.0);
+        world.settings.scene = world.scene.settings().clone();
+        assert!(Environment::new(&world.scene, database(), &world.task, &world.settings).is_ok());
+    }
+
+    #[test]
+    fn a_transition_costs_what_the_weights_say() {
+        let world = World::stop_ahead(1.0);
+        let environment = world.environment();
+        let mut query = database().pose_features[3];
+        assert_eq!(environment.transition_cost(&query, 3), TransitionCost::default());
+        // The head by 0.5 m, at 1 per m²; its velocity by 2 m/s, at 0.02 per (m/s)².
+        query[0] += 0.5;
+        query[15] += 2.0;
+        let cost = environment.transition_cost(&query, 3);
+        assert!((cost.posture - 0.25).abs() < 1e-5 && (cost.velocity - 0.08).abs() < 1e-5, "{cost:?}");
+    }
+
+    #[test]
+    fn starts_are_every_15_cm_where_a_body_has_room() {
+        let world = World::stop_ahead(1.0);
+        let environment = world.environment();
+        let grid = world.scene.occupancy();
+        let mut expected = 0;
+        for row in 0..40 {
+            for column in 0..40 {
+                let xy = Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * 0.15 - 3.0;
+                let room = grid.is_walkable(xy) && grid.clearance(xy) > 0.28;
+                let found = environment.starts().iter().any(|s| s.distance(xy) < 1e-4);
+                assert_eq!(found, room, "{xy}");
+                expected += usize::from(room);
+            }
+        }
+        assert_eq!(environment.starts().len(), expected);
+        assert!((1200..1500).contains(&expected), "{expected}");
+    }
+}

@@ -173,14 +173,14 @@ mod tests {
         world.settings.termination.longest = 240;
         let (environment, policy) = (world.environment(), world.proposed());
         let run = |needed: usize| {
-            let settings = RobustnessSettings { spacing: 1.5, trials: 3, needed, spread: 1.0 };
+            let settings = RobustnessSettings { spacing: 1.5, trials: 2, needed, spread: 1.0 };
             robustness(&environment, &policy, &settings, 4, &Progress::new()).expect("not cancelled")
         };
         let all = run(1);
         assert_eq!(all.starts.len(), 16);
         let met: usize = all.starts.iter().map(|s| s.met).sum();
         assert!(
-            met > 4 && all.starts.iter().all(|s| s.met + s.collisions + s.stalls <= 3),
+            met > 2 && all.starts.iter().all(|s| s.met + s.collisions + s.stalls <= 2),
             "{:?}",
             all.starts
         );

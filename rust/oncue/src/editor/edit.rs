@@ -963,4 +963,41 @@ mod tests {
         assert_eq!(Vec2::ZERO, motion.postures[0].root_position.truncate());
         assert_eq!(edited.motion.postures[0].rotations.len(), JOINT_COUNT);
     }
+
+    #[test]
+    fn the_search_knows_nothing_of_the_floors_height_and_fades_out() {
+        use crate::editor::latent::tests::Linear;
+        let decoder = Linear::new(200, 3);
+        let s = EditorSettings { manifold: true, steps: 12, learning_rate: 0.02, ..settings() };
+        let searched = |floor: f32| {
+            let mut motion = still(60);
+            motion.postures.iter_mut().for_each(|p| p.root_position.z += floor);
+            let c = [
+                hand(20, &[near(Vec3::new(-0.05, -0.1, 0.05 + floor)); 4]),
+                Constraint { joint: Joint::Hips, facings: vec![0.02; 4], ..hand(20, &[]) },
+            ];
+            let edit = Edit::new(&motion, &c, floor, &s);
+            let (found, figures) = edit.search(&decoder, &Progress::new()).expect("found");
+            let (span, postures) = (edit.span.clone(), found.postures);
+            assert_eq!(postures[..span.start], motion.postures[..span.start]);
+            assert_eq!(postures[span.end..], motion.postures[span.end..]);
+            // At the joined ends of the span hardly anything of it shows.
+            let off = |f: usize| postures[f].root_position.distance(motion.postures[f].root_position);
+            assert!(off(span.start) <= 0.1 * off(21) + 1e-6, "{} {}", off(span.start), off(21));
+            (postures, figures, edit.run(Some(&decoder), &Progress::new()).expect("done"))
+        };
+        let (low, figures, edited) = searched(0.0);
+        assert!(figures.steps > 0 && figures.after_cm != figures.before_cm, "{figures:?}");
+        assert_eq!(edited.figures.search.as_ref(), Some(&figures));
+        assert!(edited.figures.constraints.iter().all(|c| c.met), "{:?}", edited.figures.constraints);
+        let (high, _, _) = searched(0.5);
+        for (a, b) in low.iter().zip(&high) {
+            assert!((a.root_position + Vec3::Z * 0.5).distance(b.root_position) < 2e-3);
+        }
+        // Without the settings' leave it is not asked.
+        let motion = still(60);
+        let (c, off) = ([hand(20, &[near(Vec3::Y * -0.2)])], settings());
+        let edited = Edit::new(&motion, &c, 0.0, &off).run(Some(&decoder), &Progress::new()).expect("done");
+        assert!(edited.figures.search.is_none());
+    }
 }

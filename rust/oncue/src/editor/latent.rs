@@ -496,7 +496,7 @@ pub fn manifold_distance<D: Decoder>(decoder: &D, motion: &Motion, span: &Range<
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg32;
@@ -573,11 +573,6 @@ mod tests {
     #[test]
     fn gradient_by_z_agrees_with_finite_differences() {
         // Through Gram-Schmidt, the carrying, the kinematics and every term of L.
-        let decoder = Linear::new(12, 1);
-        let motion = standing(WINDOW);
-        let (x, start) = from_motion(&motion);
-        let settings = EditorSettings::default();
-        let root = motion.postures.iter().map(|p| p.root_position.truncate() + 0.02).collect();
         let at = |frame, joint: Joint, offset, rotation| Target {
             frame,
             joint,
@@ -591,6 +586,31 @@ mod tests {
             at(60, Joint::RightHand, Vec3::new(-0.4, 0.2, 0.3), None),
             at(90, Joint::Hips, Vec3::ZERO, None),
         ];
+        gradient_agrees(targets.clone(), EditorSettings::default(), 0.1);
+        // Each term by itself, or the larger ones would hide what is wrong with the smaller.
+        let nothing = EditorSettings {
+            w_pos: 0.0,
+            w_foot: 0.0,
+            w_root: 0.0,
+            w_root_velocity: 0.0,
+            w_smooth: 0.0,
+            ..EditorSettings::default()
+        };
+        let rotation = targets.iter().map(|t| Target { position: None, rotation: turned, ..*t }).collect();
+        gradient_agrees(rotation, EditorSettings { w_pos: 100.0, ..nothing.clone() }, 0.01);
+        gradient_agrees(targets.clone(), EditorSettings { w_pos: 7.0, ..nothing.clone() }, 0.05);
+        gradient_agrees(targets.clone(), EditorSettings { w_foot: 100.0, ..nothing.clone() }, 0.05);
+        gradient_agrees(targets.clone(), EditorSettings { w_root: 100.0, ..nothing.clone() }, 0.05);
+        gradient_agrees(targets.clone(), EditorSettings { w_root_velocity: 1e4, ..nothing.clone() }, 0.01);
+        gradient_agrees(targets, EditorSettings { w_smooth: 1e6, ..nothing }, 0.01);
+    }
+
+    /// `small`: a derivative of this size is compared in absolute terms.
+    fn gradient_agrees(targets: Vec<Target>, settings: EditorSettings, small: f64) {
+        let decoder = Linear::new(12, 1);
+        let motion = standing(WINDOW);
+        let (x, start) = from_motion(&motion);
+        let root = motion.postures.iter().map(|p| p.root_position.truncate() + 0.02).collect();
         let loss = Loss { targets, feet: places(&motion), root, x: x.clone(), settings: &settings };
         let mut work = <Linear as Decoder>::Work::default();
         let mut z = decoder.encode(&x);
@@ -606,6 +626,7 @@ mod tests {
         loss.gradient(&mut pass);
         carried.pull_back(&mut pass.d_x);
         let d_z = decoder.encode(&pass.d_x);
+        let mut largest = 0.0f64;
         for i in 0..z.len() {
             let (saved, h) = (z[i], 2e-2);
             z[i] = saved + h;
@@ -615,7 +636,73 @@ mod tests {
             z[i] = saved;
             let numeric = (up - down) / f64::from(2.0 * h);
             let analytic = f64::from(d_z[i]);
-            assert!((numeric - analytic).abs() < 2e-2 * (0.1 + analytic.abs()), "{i}: {numeric} {analytic}");
+            largest = largest.max(numeric.abs());
+            let off = (numeric - analytic).abs();
+            assert!(off < 2e-2 * (small + analytic.abs()), "{settings:?} {i}: {numeric} {analytic}");
+        }
+        assert!(largest > small, "{settings:?}: {largest}");
+    }
+
+    #[test]
+    fn where_two_windows_meet_each_counts_by_how_far_it_is_from_its_end() {
+        /// Lifts the whole window by z, and nothing else.
+        struct Lift(Vec<f32>);
+        impl Decoder for Lift {
+            type Work = (Vec<f32>, Vec<f32>);
+            fn encode(&self, _: &[f32]) -> Vec<f32> {
+                vec![0.0]
+            }
+            fn decode<'w>(&self, z: &[f32], work: &'w mut Self::Work) -> &'w [f32] {
+                work.0.clone_from(&self.0);
+                work.0.chunks_exact_mut(FEATURES).for_each(|row| row[HEIGHT] += z[0]);
+                &work.0
+            }
+            fn backward<'w>(&self, d_x: &[f32], work: &'w mut Self::Work) -> &'w [f32] {
+                work.1 = vec![d_x.chunks_exact(FEATURES).map(|row| row[HEIGHT]).sum()];
+                &work.1
+            }
+        }
+        let motion = standing(400);
+        let decoder = Lift(from_motion(&standing(WINDOW)).0);
+        let span = 20..WINDOW + 60;
+        let first = windows(&span, 400);
+        assert_eq!(first.len(), 2);
+        let root = motion.postures[0].root_position;
+        let lifted =
+            |frame: usize, by: f32| Target { joint: Joint::Hips, ..hand_at(frame, root + Vec3::Z * by) };
+        // One target in each window alone: 5 cm up and 3 cm down.
+        let targets = [lifted(first[0] + 5, 0.05), lifted(first[1] + WINDOW - 5, -0.03)];
+        let settings = EditorSettings {
+            w_foot: 0.0,
+            w_root: 0.0,
+            w_root_velocity: 0.0,
+            w_smooth: 0.0,
+            met: 1e-4,
+            ..EditorSettings::default()
+        };
+        let feet = places(&motion);
+        let wanted = Search {
+            motion: &motion,
+            span: span.clone(),
+            targets: &targets,
+            feet: &feet,
+            settings: &settings,
+        };
+        let (out, figures) = search(&decoder, &wanted, &Progress::new()).unwrap();
+        assert_eq!(figures.windows, 2);
+        assert!((figures.before_cm - 4.0).abs() < 1e-3 && figures.after_cm < 0.1, "{figures:?}");
+        for frame in span {
+            let weight = |window: usize| {
+                let at = frame as f32 - first[window] as f32 + 0.5;
+                if (0.0..WINDOW as f32).contains(&at) {
+                    (at.min(WINDOW as f32 - at) / 40.0).min(1.0)
+                } else {
+                    0.0
+                }
+            };
+            let expected = (0.05 * weight(0) - 0.03 * weight(1)) / (weight(0) + weight(1));
+            let found = out.postures[frame].root_position.z - root.z;
+            assert!((found - expected).abs() < 6e-3, "{frame}: {found} {expected}");
         }
     }
 

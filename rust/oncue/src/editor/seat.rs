@@ -702,4 +702,41 @@ mod tests {
         assert_eq!(seat(&still, &cue, &s).figures(&Motion::default(), [false; 2]).pelvis_cm, 0.0);
         assert_eq!(Posture::default().rotations.len(), still.postures[0].rotations.len());
     }
+
+    #[test]
+    fn feet_that_the_seat_lifts_off_the_floor_hang_too() {
+        // They stand in the motion, and the seat is 0.3 m higher than it: no leg is that long.
+        let (s, motion) = (settings(), motion());
+        let mut cue = sit_cue();
+        cue.position.z += 0.45;
+        let seat = seat(&motion, &cue, &s);
+        let settled = seat.settle(&motion, &Progress::new()).expect("settled");
+        assert_eq!((settled.hangs, settled.hang_already), ([true; 2], [false; 2]));
+        for (side, place) in settled.feet.iter().enumerate() {
+            // The hip is 2 cm under the pelvis; knee 0.95 of a thigh ahead (-Y), and 0.97 of a shin down from there.
+            let hip = cue.position + Vec3::new([0.095, -0.095][side], 0.0, -0.02);
+            let ankle = hip + Vec3::new(0.0, -0.95 * LEG_LENGTH - 0.05, -0.97 * LEG_LENGTH);
+            assert!(place.ankle.distance(ankle) < 0.03, "{} {ankle}", place.ankle);
+        }
+        // They leave the floor while the seat takes the weight, before the leg gets too short for it.
+        let plan = FootPlan::of(&motion);
+        let leaves = seat.leaves_floor(&plan, 0, 18);
+        assert!(leaves <= 50 - 12, "{leaves}");
+        let (mut longer, short) = (motion.clone(), settled);
+        let (planned, contacts) = seat.plan_feet(&mut longer, &short);
+        assert_eq!((planned.feet.len(), longer.len()), (contacts.len(), contacts.len()));
+        for side in 0..2 {
+            let last = planned.feet[planned.feet.len() - 1][side];
+            assert!(
+                last.ankle.distance(short.feet[side].ankle) < 1e-4 && !last.planted && last.sigma == 0.05
+            );
+            assert_eq!((contacts[leaves - 2][side], contacts[leaves + 9][side]), (1.0, 0.0));
+            // Half-way it is half-way, and over it by the arc.
+            let begun = planned.feet[leaves][side].ankle;
+            let way = begun.distance(short.feet[side].ankle);
+            let half = planned.feet[leaves + 9][side].ankle;
+            let expected = begun.lerp(short.feet[side].ankle, 0.5) + Vec3::Z * (0.02 + 0.1 * way);
+            assert!(half.distance(expected) < 5e-3, "{half} {expected}");
+        }
+    }
 }

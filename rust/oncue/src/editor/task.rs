@@ -83,3 +83,70 @@ pub fn edit_for_task(
     out.seconds = began.elapsed().as_secs_f32();
     Ok(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cue::{Hand, ManipulationCue};
+    use crate::test_world::{World, library, still};
+    use glam::Vec3;
+
+    fn edited(motion: &Motion, task: &Task, complete: usize, world: &World) -> (Motion, TaskEditFigures) {
+        let mut out = motion.clone();
+        let settings =
+            EditorSettings { reach_seconds: 0.2, reach_seconds_per_metre: 0.0, ..Default::default() };
+        let figures =
+            edit_for_task(&mut out, task, complete, &world.scene, None, &settings, &Progress::new());
+        (out, figures.expect("not cancelled"))
+    }
+
+    fn rail(first_frame: Option<usize>, place: Vec3) -> ManipulationCue {
+        ManipulationCue { name: "Rail".into(), hand: Hand::Left, path: vec![place; 5], first_frame }
+    }
+
+    #[test]
+    fn a_sit_is_fitted_and_then_its_hands_are_carried() {
+        let mut world = World::stool();
+        let mut motion = library().clips.remove(5).motion;
+        motion.postures.truncate(60);
+        motion.contacts.truncate(60);
+        let (out, figures) = edited(&motion, &world.task, 50, &world);
+        assert!(figures.problems.is_empty(), "{:?}", figures.problems);
+        assert_eq!((figures.complete_frame, figures.constraints.len()), (out.len() - 1, 1));
+        assert!(figures.seat.as_ref().is_some_and(|s| s.pelvis_cm < 0.5) && figures.manipulations.is_empty());
+        // A hand's cue after the end lengthens the motion; the action is complete as early as before.
+        let hand = out.postures[out.len() - 1].pose().position(crate::motion::Joint::LeftHand);
+        world.task.manipulations = vec![rail(None, hand + Vec3::new(0.0, -0.1, 0.15))];
+        let (longer, with_hand) = edited(&motion, &world.task, 50, &world);
+        assert_eq!(with_hand.complete_frame, figures.complete_frame);
+        assert!(longer.len() > out.len() + 5 && with_hand.problems.is_empty(), "{:?}", with_hand.problems);
+        assert_eq!((with_hand.manipulations.len(), with_hand.constraints.len()), (1, 2));
+        // What cannot be done is said, and leaves the motion as it was.
+        world.task.manipulations = vec![rail(None, hand + Vec3::Z * 5.0)];
+        let (same, refused) = edited(&motion, &world.task, 50, &world);
+        assert!(same == out && refused.problems.len() == 1 && refused.problems[0].contains("‘Rail’"));
+        world.task.manipulations.clear();
+        world.task.cue.position.y += 3.0;
+        let (same, refused) = edited(&motion, &world.task, 50, &world);
+        assert!(same == motion && refused.seat.is_none() && refused.problems[0].contains("‘Stool’"));
+        assert_eq!(refused.complete_frame, 50);
+    }
+
+    #[test]
+    fn a_hold_before_the_action_is_complete_puts_that_off() {
+        let mut world = World::stop_ahead(1.0);
+        let motion = still(60);
+        let hand = motion.postures[0].pose().position(crate::motion::Joint::LeftHand);
+        for (first, complete) in [(39, 45), (40, 40)] {
+            world.task.manipulations = vec![rail(Some(first), hand + Vec3::new(0.0, -0.1, 0.15))];
+            let (out, figures) = edited(&motion, &world.task, 40, &world);
+            assert_eq!(
+                (figures.complete_frame, figures.problems.len()),
+                (complete, 0),
+                "{:?}",
+                figures.problems
+            );
+            assert!(figures.seat.is_none() && out.len() >= 65);
+        }
+    }
+}

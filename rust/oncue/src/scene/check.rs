@@ -471,6 +471,10 @@ mod tests {
         };
         says(&across(0.11), &task, "inside a wall");
         says(&across(0.13), &task, "");
+        // On one side alone, whichever, it is none.
+        for (from, to) in [(-0.13, -0.11), (0.11, 0.13)] {
+            says(&seat(0.45, &[([from, 0.2, 0.8], [to, 0.5, 1.0])]), &task, "");
+        }
         let along = |d: f32, behind: f32| {
             seat(
                 0.45,
