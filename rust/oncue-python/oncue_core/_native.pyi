@@ -369,7 +369,7 @@ def motion_figures(
     floor: float = 0.0,
     manifold: Manifold | None = None,
 ) -> MotionFigures:
-    """How frames `first` to `end` run: how smoothly, how far from the manifold, how the feet stand, what an eye sees first.
+    """How frames `first` to `end` run: how smoothly, how near the manifold, how the feet stand, what an eye sees first.
 
     Frames in the answer count from `first`.
     """

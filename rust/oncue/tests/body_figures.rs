@@ -47,9 +47,10 @@ fn captures_are_all_but_free() {
 #[test]
 fn captures_step_as_people_do() {
     let Some(library) = captured("accad") else { return };
-    let mut walks = library.clone();
-    walks.clips.retain(|clip| clip.name.contains("_B3_Walk") || clip.name.contains("WalkTurn"));
-    let feet = walks.body_figures().feet;
+    let feet = library.body_figures().feet;
+    // Feet that people stand on flat stay where they are.
+    assert!(feet.flat.stances > 300 && feet.flat.swivelled_percent < 1.0, "{feet:?}");
+    assert!(feet.flat.heel_drift_cm.p90 < 2.0, "{feet:?}");
     let value = |v: Option<f32>| v.expect("steps");
     assert!(feet.steps.steps > 20 && value(feet.steps.heel_first_percent) > 80.0, "{feet:?}");
     assert!((8.0..20.0).contains(&value(feet.steps.toe_up_degrees)), "{feet:?}");
@@ -60,5 +61,5 @@ fn captures_step_as_people_do() {
 fn the_starter_library_keeps_its_joints_within_their_limits() {
     let library = starter::generate(&Progress::new()).expect("the starter library");
     let figures = library.body_figures();
-    assert_eq!(figures.joint_limits.percent, 0.0, "{:?}", figures.joint_limits);
+    assert!(figures.joint_limits.percent < 0.05, "{:?}", figures.joint_limits);
 }

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::percent;
@@ -23,8 +23,10 @@ const CARRYING_HEIGHT: f32 = 0.02;
 const CARRYING_SPEED: f32 = 0.8;
 /// A step is in the air for at least so many frames …
 const SHORTEST_SWING: usize = 5;
-/// … while the body walks at least so fast, m/s.
-const WALKING: f32 = 0.4;
+/// … while the body walks, no slower and no faster than this, m/s …
+const WALKING: Range<f32> = 0.4..2.0;
+/// … and at most so far from where it faces, radians: who walks backwards or runs lands otherwise.
+const FORWARDS: f32 = 45f32.to_radians();
 /// A foot whose heel is lower than its ball by less lands flat, metres.
 const LEVEL: f32 = 0.002;
 /// Toes clear the floor late in the swing, between these parts of it: after they have passed the other foot, before they
@@ -87,7 +89,7 @@ impl Spread {
     }
 }
 
-/// Steps of someone who walks faster than 0.4 m/s; medians, none where nobody does.
+/// Steps of someone who walks forwards at 0.4 to 2 m/s; medians, none where nobody does.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct StepFigures {
     /// How many there are.
@@ -155,7 +157,6 @@ impl Tally {
         let ground = |point: Vec3| {
             scene.and_then(|scene| scene.floor_height_at(point.truncate(), point.z)).unwrap_or(floor)
         };
-        let roots: Vec<Vec2> = poses.iter().map(|pose| pose.positions[0].truncate()).collect();
         for side in 0..2 {
             let soles: Vec<Sole> = poses
                 .iter()
@@ -170,9 +171,9 @@ impl Tally {
                 }
             }
             for swing in runs(soles.len(), |frame| !is_carried(&soles, frame)) {
-                let pace = roots[swing.end.min(roots.len() - 1)].distance(roots[swing.start]) * FRAME_RATE;
-                let is_whole = swing.start > 0 && swing.end < soles.len() && swing.len() >= SHORTEST_SWING;
-                if is_whole && pace > WALKING * swing.len() as f32 {
+                let Some(after) = poses.get(swing.end) else { continue };
+                let is_whole = swing.start > 0 && swing.len() >= SHORTEST_SWING;
+                if is_whole && walks(&poses[swing.start], after, swing.len()) {
                     self.steps.push(step(&soles, swing));
                 }
             }
@@ -232,6 +233,13 @@ impl Tally {
             },
         }
     }
+}
+
+/// Whether someone walks forwards from one pose to another, so many frames later.
+fn walks(before: &Pose, after: &Pose, frames: usize) -> bool {
+    let way = (after.positions[0] - before.positions[0]).truncate();
+    let facing = (before.rotations[0] * Vec3::NEG_Y).truncate();
+    WALKING.contains(&(way.length() * FRAME_RATE / frames as f32)) && facing.angle_to(way).abs() < FORWARDS
 }
 
 /// Whether a foot's lowest point carries it: low and still.
@@ -340,6 +348,17 @@ mod tests {
         assert_eq!(heel.heel_first_percent, Some(50.0));
         let toe = figures(&stride(-0.6, -0.2)).steps;
         assert_eq!(toe.heel_first_percent, Some(0.0));
+        // Backwards, or faster than one walks, nothing is told.
+        let backwards = stride(0.6, 0.25).into_iter().map(|mut posture| {
+            posture.root_position.y *= -1.0;
+            posture
+        });
+        assert_eq!(figures(&backwards.collect::<Vec<_>>()).steps.steps, 0);
+        let running = stride(-0.6, 0.25).into_iter().map(|mut posture| {
+            posture.root_position.y *= 2.0;
+            posture
+        });
+        assert_eq!(figures(&running.collect::<Vec<_>>()).steps.steps, 0);
         let standing = figures(&[Posture::default(); 20]).steps;
         assert_eq!((standing.steps, standing.toe_up_degrees), (0, None));
     }
