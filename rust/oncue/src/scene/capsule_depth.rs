@@ -54,3 +54,44 @@ impl SceneIndex {
         (0..balls as usize).all(|i| self.field.lower_bound(a + (b - a) * ((i as f32 + 0.5) / balls)) > reach)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::progress::Progress;
+    use crate::scene::SceneSettings;
+    use proptest::prelude::*;
+
+    fn point() -> impl Strategy<Value = Vec3> {
+        [-1f32..1.0, -1f32..1.0, 0f32..2.0].prop_map(Vec3::from)
+    }
+
+    proptest! {
+        /// Tree, distance field and planes leave out nothing that touches.
+        #[test]
+        fn as_deep_as_brute_force_says(
+            corners in prop::collection::vec((point(), point(), point()), 1..30),
+            limbs in prop::collection::vec((point(), point(), 0.02f32..0.15, 0.02f32..0.15), 10),
+        ) {
+            let positions: Vec<Vec3> = corners.iter().flat_map(|&(a, b, c)| [a, a.lerp(b, 0.4), a.lerp(c, 0.4)]).collect();
+            let triangles: Vec<[u32; 3]> = (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let scene = SceneIndex::build(&positions, &triangles, &SceneSettings::default(), &Progress::new());
+            let scene = scene.expect("a scene");
+            for (a, b, first, last) in limbs {
+                let capsule = Capsule { ends: [a, a.lerp(b, 0.3)], radii: [first, last] };
+                let mut expected = 0f32;
+                for corners in positions.chunks_exact(3) {
+                    let triangle = [corners[0], corners[1], corners[2]];
+                    let (part, place, through) = nearest_to_triangle(capsule.ends, triangle);
+                    let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalize_or_zero();
+                    let behind = capsule.ends.map(|end| (end - triangle[0]).dot(normal).abs());
+                    let on_axis = a + (capsule.ends[1] - a) * part;
+                    let more = if through { behind[0].min(behind[1]) } else { -on_axis.distance(place) };
+                    expected = expected.max(capsule.radius(part) + more);
+                }
+                let found = scene.depth_of(&capsule, -1.0).map_or(0.0, |d| d.0);
+                prop_assert!((found - expected).abs() < 1e-5, "{} {}", found, expected);
+            }
+        }
+    }
+}
