@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .types import (
     ActionCue,
+    BodyFigures,
     Constraint,
     EditFigures,
     FootFigures,
@@ -112,6 +113,11 @@ class Library:
         """
     def foot_figures(self) -> FootFigures:
         """The foot figures of the library's own walking, by the same measures as a report's `foot`."""
+    def body_figures(self) -> BodyFigures:
+        """What an eye sees first in the clips, mirrored copies left out, by the same measures as a report's `body`.
+
+        All clips together: where in which clip is not told, and there is no scene.
+        """
     def summary(self) -> Summary:
         """Seconds of each action, by where they come from."""
 
@@ -363,7 +369,10 @@ def motion_figures(
     floor: float = 0.0,
     manifold: Manifold | None = None,
 ) -> MotionFigures:
-    """How smoothly frames `first` to `end` run, how far they are from the manifold, and how the feet stand."""
+    """How frames `first` to `end` run: how smoothly, how near the manifold, how the feet stand, what an eye sees first.
+
+    Frames in the answer count from `first`.
+    """
 
 def default_settings(preset: str = "default") -> Settings:
     """The settings of a preset, as `synthesize` takes them. InputError for an unknown name."""

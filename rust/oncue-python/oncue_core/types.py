@@ -141,14 +141,149 @@ class FootFigures(TypedDict):
     sink_cm: float
 
 
+#: A part of the body, as the figures of a report name it.
+BodyPart: TypeAlias = Literal[
+    "head",
+    "pelvis",
+    "trunk",
+    "left_upper_arm",
+    "right_upper_arm",
+    "left_forearm",
+    "right_forearm",
+    "left_hand",
+    "right_hand",
+    "left_thigh",
+    "right_thigh",
+    "left_shin",
+    "right_shin",
+    "left_foot",
+    "right_foot",
+]
+
+
+class OwnTouch(TypedDict):
+    """Two parts of the body deeper than 1 cm in one another, in frames `first` to before `end`; deepest in `frame`."""
+
+    parts: list[BodyPart]
+    first: int
+    end: int
+    depth_cm: float
+    frame: int
+
+
+class OwnBodyFigures(TypedDict):
+    """Limbs in the trunk, the head and each other. `percent`: of the frames, deeper than 1 cm; the deepest first."""
+
+    percent: float
+    deepest_cm: float
+    touches: list[OwnTouch]
+
+
+class BeyondLimit(TypedDict):
+    """A joint beyond its limit in frames `first` to before `end`, farthest in `frame`."""
+
+    joint: str
+    turn: Literal["flexion", "hyperextension", "sideways", "swing", "twist"]
+    first: int
+    end: int
+    degrees: float
+    frame: int
+
+
+class JointLimitFigures(TypedDict):
+    """Joints turned further than people's. `percent`: of the frames, by more than 5°; the worst first."""
+
+    percent: float
+    worst_degrees: float
+    joints_percent: dict[str, float]
+    beyond: list[BeyondLimit]
+
+
+class Spread(TypedDict):
+    """The middle of a set of values and its 90th percentile; 0 of nothing."""
+
+    median: float
+    p90: float
+
+
+class Swivel(TypedDict):
+    """A flat foot (`side` 0 left, 1 right) that turned by more than 15° in frames `first` to before `end`."""
+
+    side: int
+    first: int
+    end: int
+    degrees: float
+
+
+class FlatFoot(TypedDict):
+    """Stances in which heel and ball are within 1 cm of what they stand on: how far they drift and turn."""
+
+    stances: int
+    heel_drift_cm: Spread
+    ball_drift_cm: Spread
+    swivel_degrees: Spread
+    swivelled_percent: float
+    swivels: list[Swivel]
+
+
+class StepFigures(TypedDict):
+    """Steps of someone who walks: medians, None where nobody does."""
+
+    steps: int
+    heel_first_percent: float | None
+    toe_up_degrees: float | None
+    toe_clearance_cm: float | None
+    heel_up_degrees: float | None
+
+
+class WholeFootFigures(TypedDict):
+    """Feet, heel to toe, whatever the contact flag says."""
+
+    flat: FlatFoot
+    steps: StepFigures
+
+
+class SceneTouch(TypedDict):
+    """A part of the body deeper than 1 cm in the scene; `place`: of the surface, world, metres."""
+
+    part: BodyPart
+    first: int
+    end: int
+    depth_cm: float
+    frame: int
+    place: list[float]
+
+
+class SceneDepthFigures(TypedDict):
+    """The whole body in the scene: shares of the frames, percent, and where, the deepest first."""
+
+    over_1_cm_percent: float
+    over_3_cm_percent: float
+    deepest_cm: float
+    touches: list[SceneTouch]
+
+
+class BodyFigures(TypedDict):
+    """What an eye sees first in a motion. `scene`: None where no scene was given.
+
+    Those of a library are of all its clips together and do not tell where.
+    """
+
+    own_body: OwnBodyFigures
+    joint_limits: JointLimitFigures
+    feet: WholeFootFigures
+    scene: SceneDepthFigures | None
+
+
 class MotionFigures(TypedDict):
     """What a motion is like. `manifold_cm`: mean distance of the joints from those of Ψ⁻¹(Ψ(X)).
 
-    `foot`: as in a report.
+    `foot`, `body`: as in a report.
     """
 
     smoothness: Smoothness
     foot: FootFigures
+    body: BodyFigures
     manifold_cm: float
 
 
@@ -352,6 +487,7 @@ class Report(TypedDict):
     foot: FootFigures
     penetration: PenetrationFigures
     speed: SpeedFigures
+    body: BodyFigures
     edited: EditedFigures | None
     frames: int
     path_m: float

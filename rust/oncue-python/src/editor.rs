@@ -6,6 +6,7 @@ use oncue::editor::plain_ik as solve_plainly;
 use oncue::editor::{Constraint, EditFigures, Key, Wishes, edit_motion as edit, shipped_manifold};
 use oncue::editor::{ManipulationFigures, lengthened, manipulate};
 use oncue::editor::{Seat, SeatFigures};
+use oncue::figures::{BodyFigures, body_figures};
 use oncue::metrics::{FootFigures, foot_figures};
 use oncue::motion::FRAME_RATE;
 use oncue::motion::smoothness::{Smoothness, smoothness};
@@ -174,6 +175,7 @@ pub fn plain_ik(
 struct MotionFigures {
     smoothness: Smoothness,
     foot: FootFigures,
+    body: BodyFigures,
     manifold_cm: f32,
 }
 
@@ -200,12 +202,13 @@ pub fn motion_figures<'py>(
             contacts: motion.contacts.get(span.clone()).unwrap_or_default().to_vec(),
         };
         let foot = foot_figures(&seen, floor);
+        let body = body_figures(&seen, floor, None);
         motion.postures.iter_mut().for_each(|p| p.root_position.z -= floor);
         let distance = match manifold.as_deref() {
             Some(manifold) => manifold_distance(manifold, &motion, &span),
             None => manifold_distance(oncue::manifold::Manifold::shipped()?, &motion, &span),
         };
-        Ok(MotionFigures { smoothness: smoothness(&motion, &span), foot, manifold_cm: distance })
+        Ok(MotionFigures { smoothness: smoothness(&motion, &span), foot, body, manifold_cm: distance })
     })?;
     json::to_python(py, &figures)
 }

@@ -122,6 +122,12 @@ impl Library {
         json::to_python(py, &figures)
     }
 
+    /// What an eye sees first in the clips, by the same measures as a report's.
+    fn body_figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let figures = job::run(py, || Ok(self.inner.body_figures()))?;
+        json::to_python(py, &figures)
+    }
+
     /// Seconds of each action, by where they come from.
     fn summary<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let summary = job::run(py, || Ok(self.inner.summary()))?;

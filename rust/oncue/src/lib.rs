@@ -58,6 +58,7 @@ pub mod cue;
 mod data_file;
 pub mod editor;
 pub mod error;
+pub mod figures;
 #[doc(hidden)]
 pub mod internals;
 pub mod job;

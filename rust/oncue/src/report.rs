@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::controller::optimize::UpdateFigures;
 use crate::editor::TaskEditFigures;
+use crate::figures::BodyFigures;
 use crate::metrics::{FootFigures, PenetrationFigures, Residual, SpeedFigures};
 use crate::settings::Settings;
 
@@ -50,6 +51,8 @@ pub struct Report {
     pub penetration: PenetrationFigures,
     /// How fast and how hard the joints move, beside the library.
     pub speed: SpeedFigures,
+    /// What an eye sees first: the own body, joints, feet, the whole body in the scene.
+    pub body: BodyFigures,
     /// What the editor did; none where it is switched off or the action was not completed.
     pub edited: Option<TaskEditFigures>,
     /// Frames of the motion, 30 Hz.

@@ -10,6 +10,7 @@ use crate::controller::{
 use crate::cue::Task;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
+use crate::figures::{Surroundings, body_figures};
 use crate::library::database::MotionDatabase;
 use crate::manifold::Manifold;
 use crate::metrics::{Residual, foot_figures, penetration_figures, residual, speed_figures};
@@ -97,6 +98,8 @@ pub fn synthesize_along(
     let foot = foot_figures(&motion, floor);
     let ignore = settings.reward.ignore_below;
     let penetration = penetration_figures(&motion, scene, floor, ignore, seat);
+    let surroundings = Surroundings { scene, ignore_below: ignore, seat };
+    let body = body_figures(&motion, floor, Some(&surroundings));
     laps.done("measure");
 
     let mut problems = problems(kept.end, &cues, scene, task);
@@ -113,6 +116,7 @@ pub fn synthesize_along(
         foot,
         penetration,
         speed: speed_figures(&motion, &database.turns.usual, &database.accelerations),
+        body,
         edited,
         frames: motion.len(),
         path_m: kept.tally.travelled,

@@ -1,5 +1,6 @@
 //! Rotations, the person-centric plane, and shapes of curves.
 
+pub mod capsule;
 pub(crate) mod curve;
 pub(crate) mod eigen;
 pub(crate) mod planar;

@@ -28,6 +28,7 @@
 //! ```
 
 mod box_edges;
+mod capsule_depth;
 mod check;
 mod clear_path;
 mod distance_field;
@@ -75,7 +76,7 @@ const LIMB_BOXES: [BoxNode; LIMB_BOX_COUNT] = {
 
 /// Cushions give way and bulge round a person, and scans of them are uneven: what lies no higher over the seat than this
 /// is the seat, metres. The pelvis joint is at 0.10; armrests, backrests and tables reach higher.
-const SEAT_GIVE: f32 = 0.08;
+pub(crate) const SEAT_GIVE: f32 = 0.08;
 
 thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();

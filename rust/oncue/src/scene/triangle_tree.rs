@@ -202,6 +202,35 @@ impl TriangleTree {
         }
     }
 
+    /// Visits every triangle that may reach into the box from `low` to `high`, once or more.
+    pub(super) fn visit_near(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(&[Vec3; 3])) {
+        let (middle, reach) = (0.5 * (low + high), 0.5 * (high - low));
+        let mut stack = vec![0u32];
+        while let Some(next) = stack.pop() {
+            if next & BLOCK_FLAG != 0 {
+                let block = &self.blocks[(next & !BLOCK_FLAG) as usize];
+                for lane in (0..8).filter(|&lane| block.index[lane] != u32::MAX) {
+                    let triangle = block.triangle(lane);
+                    let [a, b, c] = triangle;
+                    if a.min(b).min(c).cmple(high).all() && a.max(b).max(c).cmpge(low).all() {
+                        visit(&triangle);
+                    }
+                }
+                continue;
+            }
+            let node = &self.nodes[next as usize];
+            for slot in (0..8).filter(|&slot| node.child[slot] != NO_CHILD) {
+                let meets = |axis: usize| {
+                    let apart = (node.center[axis][slot] - middle[axis]).abs();
+                    apart <= node.half[axis][slot] + reach[axis]
+                };
+                if (0..3).all(meets) {
+                    stack.push(node.child[slot]);
+                }
+            }
+        }
+    }
+
     /// Bytes held.
     pub(super) fn memory(&self) -> usize {
         self.nodes.len() * size_of::<Node>() + self.blocks.len() * size_of::<TriangleBlock>()

@@ -1,0 +1,106 @@
+//! Prints what an eye sees first in nine motions, beside the same figures of the library they are made of.
+//!
+//! `cargo run --release --example figures [-- FOLDER_OR_FILE …]`: of the starter library, or of one built from captures.
+
+#[path = "../tests/common/boxes.rs"]
+mod boxes;
+#[path = "common/nine.rs"]
+mod nine;
+
+use std::path::PathBuf;
+
+use oncue::figures::{BodyFigures, Surroundings, body_figures};
+use oncue::library::{LibrarySettings, StarterUse, build, starter};
+use oncue::scene::SceneIndex;
+use oncue::{MotionDatabase, Progress, synthesize};
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let progress = Progress::new();
+    let paths: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
+    let library = if paths.is_empty() {
+        starter::generate(&progress)?
+    } else {
+        let settings = LibrarySettings { starter: StarterUse::Missing, ..LibrarySettings::default() };
+        build(&paths, &settings, &progress)?.library
+    };
+    println!("{HEAD}");
+    println!("{}", row("the library", &library.body_figures()));
+    if !paths.is_empty() {
+        let mut captured = library.clone();
+        captured.clips.retain(|clip| clip.source == oncue::library::Source::Mocap);
+        println!("{}", row("its captures", &captured.body_figures()));
+        for clip in captured.clips.iter().filter(|clip| !clip.mirrored) {
+            let figures = body_figures(&clip.motion, 0.0, None);
+            tell(&clip.name, &figures);
+        }
+    }
+    let mut milliseconds = Vec::new();
+    for case in nine::cases()? {
+        let (positions, triangles) = boxes::boxes(case.room);
+        let scene = SceneIndex::build(&positions, &triangles, &case.settings.scene, &progress)?;
+        let database = MotionDatabase::build(&library, &case.settings.synthesizer.weights, &progress)?;
+        match synthesize(&scene, &database, &case.task, None, &case.settings, case.seed, &progress) {
+            Ok(done) => {
+                println!("{}", row(case.name, &done.report.body));
+                let surroundings = Surroundings { scene: &scene, ignore_below: 0.1, seat: None };
+                let took = || {
+                    let begun = std::time::Instant::now();
+                    body_figures(&done.motion, 0.0, Some(&surroundings));
+                    begun.elapsed().as_secs_f32() * 1e3
+                };
+                milliseconds.push((0..10).map(|_| took()).fold(f32::INFINITY, f32::min));
+                tell(case.name, &done.report.body);
+            }
+            Err(error) => println!("{error} · {}", case.name),
+        }
+    }
+    println!("measured in {milliseconds:.1?} ms");
+    Ok(())
+}
+
+const HEAD: &str = "own >1cm %  cm | joints % ° | flat: n heel cm (p90) ball swivel° >15° % | steps heel1st% toe-up° clear cm heel-up° | scene >1 >3 % cm";
+
+fn row(name: &str, figures: &BodyFigures) -> String {
+    let (own, joints, flat, steps) =
+        (&figures.own_body, &figures.joint_limits, &figures.feet.flat, &figures.feet.steps);
+    let some = |value: Option<f32>| value.map_or("–".to_owned(), |v| format!("{v:.1}"));
+    let scene = figures.scene.as_ref().map_or("–".to_owned(), |s| {
+        format!("{:.1} {:.1} {:.1}", s.over_1_cm_percent, s.over_3_cm_percent, s.deepest_cm)
+    });
+    format!(
+        "{:4.1} {:4.1} | {:4.1} {:4.1} | {:4} {:.1} ({:.1}) {:.1} ({:.1}) {:4.1} {:4.1} | {:4} {} {} {} {} | {scene} · {name}",
+        own.percent,
+        own.deepest_cm,
+        joints.percent,
+        joints.worst_degrees,
+        flat.stances,
+        flat.heel_drift_cm.median,
+        flat.heel_drift_cm.p90,
+        flat.ball_drift_cm.median,
+        flat.ball_drift_cm.p90,
+        flat.swivel_degrees.p90,
+        flat.swivelled_percent,
+        steps.steps,
+        some(steps.heel_first_percent),
+        some(steps.toe_up_degrees),
+        some(steps.toe_clearance_cm),
+        some(steps.heel_up_degrees),
+    )
+}
+
+/// The worst of each kind, with its frames.
+fn tell(name: &str, figures: &BodyFigures) {
+    for touch in figures.own_body.touches.iter().take(2) {
+        println!("     {:?} {}..{} {:.1} cm · {name}", touch.parts, touch.first, touch.end, touch.depth_cm);
+    }
+    for beyond in figures.joint_limits.beyond.iter().take(2) {
+        let (joint, turn) = (beyond.joint, beyond.turn);
+        println!("     {joint:?} {turn:?} {}..{} {:.0}° · {name}", beyond.first, beyond.end, beyond.degrees);
+    }
+    for touch in figures.scene.iter().flat_map(|scene| scene.touches.iter().take(2)) {
+        println!(
+            "     {:?} in the scene {}..{} {:.1} cm at {:.2?} · {name}",
+            touch.part, touch.first, touch.end, touch.depth_cm, touch.place
+        );
+    }
+}

@@ -1,0 +1,118 @@
+//! What an eye sees first: limbs in the own body, joints beyond their limits, feet that swivel, a body in its surroundings.
+//!
+//! The same figures of a motion and of a library, so that a motion stands beside what it is made of.
+
+mod body_part;
+mod feet;
+mod joint_limits;
+mod own_body;
+mod scene_depth;
+mod spans;
+
+pub use body_part::{BodyPart, body_capsules};
+pub use feet::{FlatFoot, Spread, StepFigures, Swivel, WholeFootFigures};
+pub use joint_limits::{BeyondLimit, JointLimitFigures, LimitedTurn};
+pub use own_body::{OwnBodyFigures, OwnTouch};
+pub use scene_depth::{SceneDepthFigures, SceneTouch};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::library::MotionLibrary;
+use crate::motion::{Motion, Pose, Posture};
+use crate::scene::SceneIndex;
+
+/// What an eye sees first in a motion.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct BodyFigures {
+    /// Limbs in the trunk, the head and each other.
+    pub own_body: OwnBodyFigures,
+    /// Joints that are turned further than people's.
+    pub joint_limits: JointLimitFigures,
+    /// Feet, heel to toe, whatever the contact flag says.
+    pub feet: WholeFootFigures,
+    /// The whole body in the scene; none where no scene was given.
+    pub scene: Option<SceneDepthFigures>,
+}
+
+/// Where a motion takes place.
+#[derive(Debug, Clone, Copy)]
+pub struct Surroundings<'a> {
+    /// The scene.
+    pub scene: &'a SceneIndex,
+    /// What lies lower over the floor is not counted, metres.
+    pub ignore_below: f32,
+    /// The frame from which the person sits down, and the height of the seat that carries pelvis and thighs then, metres.
+    pub seat: Option<(usize, f32)>,
+}
+
+/// Figures of a motion on a floor `floor` metres high (world), or in a scene.
+pub fn body_figures(motion: &Motion, floor: f32, surroundings: Option<&Surroundings>) -> BodyFigures {
+    let mut tally = Tally::default();
+    tally.add(motion, floor, surroundings);
+    tally.finish(true)
+}
+
+impl MotionLibrary {
+    /// Figures of all clips together, mirrored copies left out; where in which clip is not told.
+    pub fn body_figures(&self) -> BodyFigures {
+        let own: Vec<_> = self.clips.iter().filter(|clip| !clip.mirrored).collect();
+        let tallies: Vec<Tally> = own
+            .par_iter()
+            .map(|clip| {
+                let mut tally = Tally::default();
+                tally.add(&clip.motion, 0.0, None);
+                tally
+            })
+            .collect();
+        let mut all = Tally::default();
+        for tally in tallies {
+            all.merge(tally);
+        }
+        all.finish(false)
+    }
+}
+
+/// What has been counted so far.
+#[derive(Debug, Clone, Default)]
+struct Tally {
+    own_body: own_body::Tally,
+    joint_limits: joint_limits::Tally,
+    feet: feet::Tally,
+    scene: Option<scene_depth::Tally>,
+}
+
+impl Tally {
+    fn add(&mut self, motion: &Motion, floor: f32, surroundings: Option<&Surroundings>) {
+        let poses: Vec<Pose> = motion.postures.iter().map(Posture::pose).collect();
+        self.own_body.add(&poses);
+        self.joint_limits.add(&motion.postures);
+        self.feet.add(&poses, floor, surroundings.map(|s| s.scene));
+        if let Some(surroundings) = surroundings {
+            self.scene.get_or_insert_default().add(&poses, floor, surroundings);
+        }
+    }
+
+    fn merge(&mut self, other: Tally) {
+        self.own_body.merge(other.own_body);
+        self.joint_limits.merge(other.joint_limits);
+        self.feet.merge(other.feet);
+    }
+
+    fn finish(self, spans: bool) -> BodyFigures {
+        BodyFigures {
+            own_body: self.own_body.finish(spans),
+            joint_limits: self.joint_limits.finish(spans),
+            feet: self.feet.finish(spans),
+            scene: self.scene.map(scene_depth::Tally::finish),
+        }
+    }
+}
+
+/// Share of `part` in `all`, percent.
+fn percent(part: usize, all: usize) -> f32 {
+    100.0 * part as f32 / all.max(1) as f32
+}
+
+/// Depths from here on count, metres: less is within what bones of fixed lengths blur.
+const DEEP: f32 = 0.01;

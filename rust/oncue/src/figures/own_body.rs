@@ -1,0 +1,203 @@
+//! Limbs in the own body.
+
+use std::sync::LazyLock;
+
+use serde::{Deserialize, Serialize};
+
+use super::body_part::{BodyPart, SHAPE_COUNT, SHAPES, body_capsules};
+use super::spans::Spans;
+use super::{DEEP, percent};
+use crate::motion::Pose;
+
+/// How often limbs are in the trunk, the head and each other.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct OwnBodyFigures {
+    /// Share of the frames in which one part is deeper than 1 cm in another, percent.
+    pub percent: f32,
+    /// The deepest, cm; 0 where nothing touches.
+    pub deepest_cm: f32,
+    /// The parts that are deeper than 1 cm in one another, from frame to frame, the deepest first.
+    pub touches: Vec<OwnTouch>,
+}
+
+/// Two parts of the body in one another.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct OwnTouch {
+    /// Which.
+    pub parts: [BodyPart; 2],
+    /// The first frame.
+    pub first: usize,
+    /// The frame after the last.
+    pub end: usize,
+    /// How deep at most, cm, beyond what flesh gives.
+    pub depth_cm: f32,
+    /// The frame in which it is deepest.
+    pub frame: usize,
+}
+
+/// Whether two parts can be seen to run into each other: neither joined nor held apart by the joints' limits.
+fn may_touch(one: BodyPart, other: BodyPart) -> bool {
+    use BodyPart::*;
+    let (one, other) = if one <= other { (one, other) } else { (other, one) };
+    let is_core = |part| matches!(part, Head | Pelvis | Trunk);
+    let is_leg = |part| part >= LeftThigh;
+    let sides_differ = one.side() != other.side();
+    match (one, other) {
+        (a, b) if is_core(a) && is_core(b) => false,
+        // A thigh is joined to the pelvis and may be drawn up to the chest.
+        (a, b) if is_core(a) && is_leg(b) => a == Trunk && matches!(b, LeftThigh | RightThigh),
+        (a, _) if is_core(a) => true,
+        (LeftUpperArm | RightUpperArm, b) if is_leg(b) => matches!(b, LeftThigh | RightThigh),
+        (a, b) if is_leg(a) == is_leg(b) => sides_differ,
+        _ => true,
+    }
+}
+
+/// The pairs of capsules that are looked at.
+static PAIRS: LazyLock<Vec<(usize, usize)>> = LazyLock::new(|| {
+    let all = (0..SHAPE_COUNT).flat_map(|i| (0..i).map(move |j| (j, i)));
+    all.filter(|&(i, j)| may_touch(SHAPES[i].part, SHAPES[j].part)).collect()
+});
+
+/// The parts of a posed body that are deeper than `deep` metres in one another, beyond what flesh gives, and how deep.
+fn touching(pose: &Pose, deep: f32) -> impl Iterator<Item = ([BodyPart; 2], f32)> {
+    let capsules = body_capsules(pose);
+    let balls = capsules.map(|(_, c)| {
+        let middle = 0.5 * (c.ends[0] + c.ends[1]);
+        (middle, middle.distance(c.ends[0]) + c.radii[0].max(c.radii[1]))
+    });
+    PAIRS.iter().filter_map(move |&(i, j)| {
+        if balls[i].0.distance(balls[j].0) > balls[i].1 + balls[j].1 {
+            return None;
+        }
+        let (one, other) = (capsules[i].0, capsules[j].0);
+        let depth = capsules[i].1.depth_in(&capsules[j].1) - one.gives() - other.gives();
+        (depth > deep).then_some(([one, other], depth))
+    })
+}
+
+/// What has been counted so far.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Tally {
+    frames: usize,
+    deep: usize,
+    deepest: f32,
+    spans: Spans<[BodyPart; 2], ()>,
+}
+
+impl Tally {
+    pub(super) fn add(&mut self, poses: &[Pose]) {
+        for (frame, pose) in poses.iter().enumerate() {
+            let mut is_deep = false;
+            for (parts, depth) in touching(pose, 0.0) {
+                self.deepest = self.deepest.max(depth);
+                if depth > DEEP {
+                    is_deep = true;
+                    self.spans.add(frame, parts, depth, ());
+                }
+            }
+            self.deep += usize::from(is_deep);
+        }
+        self.frames += poses.len();
+    }
+
+    pub(super) fn merge(&mut self, other: Tally) {
+        self.frames += other.frames;
+        self.deep += other.deep;
+        self.deepest = self.deepest.max(other.deepest);
+    }
+
+    pub(super) fn finish(self, spans: bool) -> OwnBodyFigures {
+        let touches = self.spans.worst_first().into_iter().filter(|_| spans).map(|span| OwnTouch {
+            parts: span.key,
+            first: span.first,
+            end: span.end,
+            depth_cm: 100.0 * span.worst,
+            frame: span.worst_frame,
+        });
+        OwnBodyFigures {
+            percent: percent(self.deep, self.frames),
+            deepest_cm: 100.0 * self.deepest,
+            touches: touches.collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::{Joint, Posture};
+    use glam::Quat;
+    use std::f32::consts::FRAC_PI_2;
+
+    fn figures(postures: &[Posture]) -> OwnBodyFigures {
+        let mut tally = Tally::default();
+        tally.add(&postures.iter().map(Posture::pose).collect::<Vec<_>>());
+        tally.finish(true)
+    }
+
+    /// The left arm hangs, turned by so much about the vertical line through the chest, its elbow bent by a right angle.
+    fn bent_across(inwards: f32) -> Posture {
+        let mut posture = Posture::default();
+        posture.rotations[Joint::LeftArm.index()] =
+            Quat::from_rotation_z(inwards) * Quat::from_rotation_y(FRAC_PI_2);
+        posture.rotations[Joint::LeftForeArm.index()] = Quat::from_rotation_z(-FRAC_PI_2);
+        posture
+    }
+
+    #[test]
+    fn the_rest_pose_touches_nothing() {
+        assert_eq!(figures(&[Posture::default()]), OwnBodyFigures::default());
+    }
+
+    #[test]
+    fn a_forearm_through_the_belly_is_told_with_its_frames() {
+        // Forwards it is free; turned inwards by a right angle it lies across, through the trunk: shoulders and spine are in
+        // one plane.
+        let free = bent_across(0.0);
+        let found = figures(&[free, bent_across(-FRAC_PI_2), bent_across(-FRAC_PI_2), free]);
+        assert!((found.percent - 50.0).abs() < 1e-4, "{found:?}");
+        let worst = &found.touches[0];
+        assert_eq!(worst.parts, [BodyPart::Trunk, BodyPart::LeftForearm]);
+        assert_eq!((worst.first, worst.end), (1, 3));
+        assert!(worst.depth_cm > 8.0 && worst.depth_cm == found.deepest_cm);
+    }
+
+    #[test]
+    fn crossed_shins_by_hand() {
+        // Both legs turned inwards about the fore-and-aft line through the hips until the shins' axes cross: there they
+        // are both radii deep, less what shins give.
+        let mut posture = Posture::default();
+        let angle = (0.095f32 / 0.666).atan();
+        posture.rotations[Joint::LeftUpLeg.index()] = Quat::from_rotation_y(angle);
+        posture.rotations[Joint::RightUpLeg.index()] = Quat::from_rotation_y(-angle);
+        let found = figures(&[posture]);
+        let shins = found.touches.iter().find(|t| t.parts == [BodyPart::LeftShin, BodyPart::RightShin]);
+        let part = (0.666f32.hypot(0.095) - 0.444) / 0.444;
+        let expected = 100.0 * (2.0 * (0.052 - 0.018 * part) - 0.010);
+        assert!((shins.map_or(0.0, |t| t.depth_cm) - expected).abs() < 0.05, "{found:?} {expected}");
+    }
+
+    #[test]
+    fn what_is_joined_is_not_looked_at() {
+        use BodyPart::*;
+        for (one, other) in [
+            (LeftForearm, LeftUpperArm),
+            (LeftThigh, Pelvis),
+            (RightHand, RightForearm),
+            (LeftFoot, LeftShin),
+            (Trunk, Head),
+        ] {
+            assert!(!may_touch(one, other) && !may_touch(other, one), "{one:?} {other:?}");
+        }
+        for (one, other) in [
+            (LeftForearm, Trunk),
+            (LeftHand, RightForearm),
+            (LeftHand, LeftThigh),
+            (LeftShin, RightShin),
+            (LeftUpperArm, Head),
+        ] {
+            assert!(may_touch(one, other) && may_touch(other, one), "{one:?} {other:?}");
+        }
+    }
+}
