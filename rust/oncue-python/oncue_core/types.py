@@ -202,13 +202,17 @@ class Skeleton(TypedDict):
 
 
 class SummaryRow(TypedDict):
-    """Seconds of one action ("walk", "idle", "sit", "seated_idle", "stand_up", "stop", "other")."""
+    """Seconds of one action ("walk", "idle", "sit", "seated_idle", "stand_up", "stop", "other").
+
+    `shortfall` says why the captured part is too little to work with, so that the starter library fills it up.
+    """
 
     label: str
     mocap_seconds: float
     mirrored_seconds: float
     procedural_seconds: float
     segments: int
+    shortfall: str | None
 
 
 class Summary(TypedDict):

@@ -78,5 +78,8 @@ fn print(library: &MotionLibrary, clips: bool) {
             row.procedural_seconds,
             row.segments
         );
+        if let Some(shortfall) = row.shortfall.filter(|_| row.procedural_seconds > 0.0) {
+            println!("             filled up by the starter library: {shortfall}");
+        }
     }
 }

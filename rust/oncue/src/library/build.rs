@@ -12,7 +12,7 @@ use super::clip::{Clip, MotionLibrary, Segment, Source};
 use super::joint_names::{self, JointMapping, JointTable};
 use super::mocap_file::{self, MocapFile};
 use super::sidecar::{self, Sidecar};
-use super::{contact, foot, label, retarget, starter};
+use super::{contact, foot, label, retarget, starter, sufficiency};
 use crate::action::ActionLabel;
 use crate::error::{Error, Result};
 use crate::motion::{FRAME_RATE, Motion};
@@ -25,7 +25,7 @@ use glam::Vec2;
 pub enum StarterUse {
     /// All of it.
     All,
-    /// The actions that no mocap clip has.
+    /// The actions of which the mocap has too little to work with.
     #[default]
     Missing,
     /// Nothing.
@@ -324,22 +324,24 @@ fn labelled(
 
 /// Adds what of the starter is asked for.
 fn add_starter(library: &mut MotionLibrary, starter: StarterUse, progress: &Progress) -> Result<()> {
-    let have: BTreeSet<ActionLabel> =
-        library.clips.iter().flat_map(|c| &c.segments).map(|s| s.label).collect();
-    let wanted = |label: ActionLabel| match starter {
-        StarterUse::All => true,
-        StarterUse::Missing => label.is_matched() && !have.contains(&label),
-        StarterUse::None => false,
-    };
     if library.clips.is_empty() && starter != StarterUse::None {
         *library = starter::generate(progress)?;
         return Ok(());
     }
-    if !ActionLabel::ALL.iter().copied().any(wanted) {
+    let wanted: BTreeSet<ActionLabel> = ActionLabel::ALL
+        .iter()
+        .copied()
+        .filter(|&label| match starter {
+            StarterUse::All => true,
+            StarterUse::Missing => sufficiency::shortfall(library, label).is_some(),
+            StarterUse::None => false,
+        })
+        .collect();
+    if wanted.is_empty() {
         return Ok(());
     }
     for mut clip in starter::generate(progress)?.clips {
-        clip.segments.retain(|s| wanted(s.label));
+        clip.segments.retain(|s| wanted.contains(&s.label));
         if !clip.segments.is_empty() {
             library.clips.push(clip);
         }

@@ -9,6 +9,7 @@ use super::feature::{
     FUTURE_FRAMES, FeatureWeights, Future, PoseFeature, feature_size, pose_feature, write_feature,
 };
 use super::search::SearchIndex;
+use super::sufficiency::STANDING_FRAMES;
 use crate::action::{ActionLabel, ActionType, Completion, FutureKind};
 use crate::error::{Error, Result};
 use crate::math::Planar;
@@ -166,7 +167,9 @@ impl MotionDatabase {
             frames.extend(f);
             pose_features.extend(p);
         }
-        let stands = |f: &DatabaseFrame| f.label == ActionLabel::Idle && f.remaining >= 30;
+        let stands = |f: &DatabaseFrame| {
+            f.label == ActionLabel::Idle && usize::from(f.remaining) + 1 >= STANDING_FRAMES
+        };
         let idle_frames =
             (0..frames.len() as u32).filter(|&f| stands(&frames[f as usize])).collect::<Vec<u32>>();
         let matched =

@@ -36,6 +36,7 @@ pub(crate) mod retarget;
 pub(crate) mod search;
 pub(crate) mod sidecar;
 pub mod starter;
+pub(crate) mod sufficiency;
 
 pub use build::{BuiltLibrary, LibrarySettings, Skipped, StarterUse, build};
 pub use clip::{Clip, MotionLibrary, Segment, Source};
