@@ -18,6 +18,7 @@
 //! # }
 //! ```
 
+pub(crate) mod body;
 pub(crate) mod build;
 pub(crate) mod calibration;
 pub(crate) mod clip;
