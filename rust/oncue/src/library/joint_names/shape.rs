@@ -32,8 +32,7 @@ struct Pair {
     reach: f32,
 }
 
-struct Bones<'a> {
-    file: &'a MocapFile,
+struct Bones {
     children: Vec<Vec<usize>>,
     /// From the parent's joint, in the file's unit.
     length: Vec<f32>,
@@ -41,8 +40,8 @@ struct Bones<'a> {
     reach: Vec<f32>,
 }
 
-impl<'a> Bones<'a> {
-    fn new(file: &'a MocapFile) -> Self {
+impl Bones {
+    fn new(file: &MocapFile) -> Self {
         let count = file.joints.len();
         let mut pose = MocapPose::default();
         file.pose_at(0.0, &mut pose);
@@ -61,7 +60,7 @@ impl<'a> Bones<'a> {
                 reach[parent] = reach[parent].max(length[j] + reach[j]);
             }
         }
-        Self { file, children, length, reach }
+        Self { children, length, reach }
     }
 
     /// The joint and those below it on the way to the furthest end.
