@@ -38,6 +38,7 @@ from .errors import Cancelled, DataFileError, InputError, OncueError
 from .types import (
     ActionCue,
     BoxNode,
+    Capture,
     Constraint,
     ConstraintFigures,
     EditedFigures,
@@ -78,6 +79,7 @@ __all__ = [
     "ActionCue",
     "BoxNode",
     "Cancelled",
+    "Capture",
     "Constraint",
     "ConstraintFigures",
     "DataFileError",

@@ -215,6 +215,21 @@ class SummaryRow(TypedDict):
     shortfall: str | None
 
 
+class Capture(TypedDict):
+    """What a motion capture file gave to a library.
+
+    `clip`: the name of what was made of it, or None. `seconds`: of each action that it shows, those of "other" are not
+    matched. `notes`: what was taken otherwise than the file says it, a sentence each. `reason`: why the file, or the
+    part of it that is not matched, is left out, a sentence or None.
+    """
+
+    file: str
+    clip: str | None
+    seconds: dict[str, float]
+    notes: list[str]
+    reason: str | None
+
+
 class Summary(TypedDict):
     """What a library holds."""
 

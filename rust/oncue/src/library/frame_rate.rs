@@ -3,17 +3,14 @@
 //! Slow walkers stand longer, they do not swing more slowly; so the time in which a foot passes the other tells
 //! frames that were captured at one rate and are played at another.
 
-use super::gait::{self, Steps};
-use super::joint_names::JointTable;
-use super::mocap_file::MocapFile;
-use super::up_axis::UpAxis;
+use super::gait::{Gait, Steps};
 
 /// The middle 80 % of a foot's way past the other take this long in walking and running, seconds.
 const PASS_SECONDS: f32 = 0.27;
 /// Whoever needs less or more than this is played at another rate than that of the capture, seconds.
 const LIVELY: [f32; 2] = [0.11, 0.55];
-/// Steps from which the rate is told.
-const FEWEST_STEPS: usize = 4;
+/// Steps from which it is told that somebody walks, and at what rate.
+pub(super) const FEWEST_STEPS: usize = 4;
 /// Rates at which captures are made, frames a second.
 const USUAL: [f64; 4] = [30.0, 60.0, 120.0, 240.0];
 /// Nobody captures at fewer frames a second: such a header holds a default, not a rate.
@@ -33,23 +30,23 @@ pub(super) fn told(rate: f64) -> Result<f64, String> {
     ))
 }
 
-/// The rate of a capture, and a sentence where it is not the file's.
+/// Whoever flies falls: the rate is right where it is within this factor of what the fall tells.
+const FLIGHT: f64 = 1.6;
+
+/// The rate of a capture whose file says `says`, and a sentence where it is another.
 ///
 /// # Errors
 /// A sentence where the file's rate cannot be and its motion does not tell another.
-pub(super) fn frame_rate(
-    file: &MocapFile,
-    table: &JointTable,
-    up: UpAxis,
-) -> Result<(f64, Option<String>), String> {
-    let says = file.frame_rate;
-    match gait::steps(file, table, up, FEWEST_STEPS) {
-        Some(steps) => Ok(by_steps(says, &steps)),
+pub(super) fn frame_rate(says: f64, gait: &Gait) -> Result<(f64, Option<String>), String> {
+    // Who skips or gallops passes his feet at another time than who walks, but falls as all do.
+    let falls = gait.rate_by_flight().is_some_and(|rate| (1.0 / FLIGHT..FLIGHT).contains(&(says / rate)));
+    match gait.steps(FEWEST_STEPS) {
+        Some(steps) if !falls => Ok(by_steps(says, &steps)),
         None if says < SLOWEST => Err(format!(
             "it says that it has {says:.2} frames a second, which no capture has, and nobody walks in it, which would \
              tell. A mapping file can give its rate: NAME.oncue.json beside NAME.bvh, see docs/captures.md."
         )),
-        None => Ok((says, None)),
+        _ => Ok((says, None)),
     }
 }
 
@@ -74,7 +71,7 @@ mod tests {
     #[test]
     fn usual_rates_are_guessed_from_the_swing() {
         // By hand: 16 frames at 60 a second are 0.27 s.
-        let steps = |pass_frames| Steps { count: 9, pass_frames };
+        let steps = |pass_frames| Steps { pass_frames };
         assert_eq!(by_steps(60.0, &steps(16.0)), (60.0, None));
         for wrong in [1.0, 12.0, 24.0, 240.0] {
             let (rate, note) = by_steps(wrong, &steps(16.0));

@@ -7,6 +7,8 @@ use std::path::Path;
 use glam::Vec2;
 
 use super::calibration::{self, Sums};
+use super::frame_rate::FEWEST_STEPS;
+use super::gait::Gait;
 use super::joint_names::{self, JointTable};
 use super::mocap_file::{self, MocapFile};
 use super::sampler::Sampler;
@@ -102,16 +104,13 @@ pub(super) fn survey(path: &Path, common: &FolderSidecar, keep: bool) -> Result<
     let exchanged = body::mend_sides(&file, &mut table)?;
     let up_scores = match sidecar.up {
         Some(up) => UpScores::told(up),
-        None => UpScores::of(&file, &table),
+        None => up_scores(&file, &table, &mut notes),
     };
     let up = up_scores.axis();
-    if sidecar.up.is_none() && !matches!(up, UpAxis::Y | UpAxis::Z) {
-        notes.push(format!("its {} axis points up, by where the head is over the feet.", up.name()));
-    }
     match sidecar.rate {
         Some(rate) => file.frame_rate = frame_rate::told(rate)?,
         None => {
-            let (rate, note) = frame_rate::frame_rate(&file, &table, up)?;
+            let (rate, note) = frame_rate::frame_rate(file.frame_rate, &Gait::new(&file, &table, up))?;
             file.frame_rate = rate;
             notes.extend(note);
         }
@@ -130,4 +129,18 @@ pub(super) fn survey(path: &Path, common: &FolderSidecar, keep: bool) -> Result<
     let sums = calibration::measure(&mut sampler);
     let frame_rate = file.frame_rate;
     Ok(Survey { file: keep.then_some(file), table, sidecar, key, up_scores, frame_rate, way, sums, notes })
+}
+
+/// Along another axis than Y and Z one also lies and crawls: only who walks stands along it.
+fn up_scores(file: &MocapFile, table: &JointTable, notes: &mut Vec<String>) -> UpScores {
+    let scores = UpScores::of(file, table);
+    let up = scores.axis();
+    if matches!(up, UpAxis::Y | UpAxis::Z) {
+        return scores;
+    }
+    if Gait::new(file, table, up).steps(FEWEST_STEPS).is_none() {
+        return scores.usual();
+    }
+    notes.push(format!("its {} axis points up, by where the head is over the feet.", up.name()));
+    scores
 }

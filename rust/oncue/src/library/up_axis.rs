@@ -105,6 +105,12 @@ impl UpScores {
         }
     }
 
+    /// Only what speaks for Y and Z: who lies or crawls in such a file has his head along another axis.
+    pub(crate) fn usual(mut self) -> Self {
+        self.0[2..].fill(0.0);
+        self
+    }
+
     /// The axis for which most speaks; Y where nothing does.
     pub(crate) fn axis(&self) -> UpAxis {
         let mut best = 0;
@@ -120,6 +126,12 @@ impl UpScores {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_usual_axes_are_y_and_z() {
+        let lying = UpScores([0.1, 0.2, 9.0, 0.0, 0.0, 0.0]);
+        assert_eq!((lying.axis(), lying.usual().axis()), (UpAxis::X, UpAxis::Z));
+    }
 
     #[test]
     fn each_axis_is_taken_to_z_and_keeps_its_name() {
