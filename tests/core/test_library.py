@@ -46,12 +46,12 @@ def test_a_folder_becomes_a_library(mocap_folder):
         assert files[name]["notes"] == []
 
 
-def test_a_scrap_does_not_take_the_starters_place(mocap_folder):
+def test_what_the_captures_lack_is_the_starters(mocap_folder):
     library, _ = oncue_core.build_library([mocap_folder]).result()
     rows = {row["label"]: row for row in library.summary()["rows"]}
     made = {row["label"]: row for row in Library.starter().summary()["rows"]}
-    assert rows["walk"]["mocap_seconds"] > 0
-    assert "needed" in rows["walk"]["shortfall"]
+    assert rows["other"]["mocap_seconds"] > 0
+    assert rows["walk"]["shortfall"] == "none was captured"
     assert rows["walk"]["procedural_seconds"] == made["walk"]["procedural_seconds"]
     assert rows["other"]["shortfall"] is None
 

@@ -85,6 +85,25 @@ fn six_up_axes_read_alike() {
 }
 
 #[test]
+fn a_skeleton_without_names_is_told_by_its_shape() {
+    let (folder, walk) = (Folder::new("shape"), walk());
+    let nameless = |name: &str| {
+        let number = oncue::motion::skeleton::NAMES.iter().position(|n| *n == name).unwrap_or_default();
+        format!("Bone_{number:03}")
+    };
+    for up in [UpAxis::Y, UpAxis::Z] {
+        let (capture, clip) =
+            read(&folder, &Written { name: nameless, up, ..Written::default() }.text(&walk));
+        assert!(capture.notes[0].contains("shape tells which is which"), "{:?}", capture.notes);
+        assert!(off(&walk, &clip, false) < 0.06, "{}", off(&walk, &clip, false));
+    }
+    // Who stands stiffly shows no knees, but his toes.
+    let built =
+        only(folder.write("take.bvh", &Written { name: nameless, ..Written::default() }.text(&still(&walk))));
+    assert!(built.is_ok(), "{:?}", built.err());
+}
+
+#[test]
 fn a_mapping_file_says_the_up_axis() {
     let (folder, walk) = (Folder::new("told"), walk());
     folder.write("take.oncue.json", r#"{"up": "-y"}"#);

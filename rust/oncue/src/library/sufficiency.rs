@@ -24,7 +24,7 @@ const STRAIGHT_DEGREES: f32 = 15.0;
 /// them, and one stops on either foot.
 const COMPLETED: usize = 4;
 
-/// What of an action was captured; a mirrored copy is as good as the take for all but [`COMPLETED`].
+/// What of an action was captured. A mirrored copy walks another way, but what it does is seen before.
 #[derive(Default)]
 struct Captured {
     seconds: f32,
@@ -49,9 +49,11 @@ impl Captured {
 
     fn add(&mut self, clip: &Clip, segment: &Segment) {
         let length = segment.end - segment.first;
-        self.seconds += seconds(length);
+        if !clip.mirrored {
+            self.seconds += seconds(length);
+            self.takes += 1;
+        }
         self.longest = self.longest.max(length);
-        self.takes += usize::from(!clip.mirrored);
         if length < STRIDE_FRAMES {
             return;
         }
@@ -160,7 +162,13 @@ mod tests {
         use ActionLabel::Idle;
         assert!(lacks(Idle, vec![clip(Idle, 15, 0.0, 0.0)]).unwrap().contains("the longest 0.5 s"));
         assert!(lacks(Idle, vec![clip(Idle, 30, 0.0, 0.0); 10]).is_some());
-        assert_eq!(lacks(Idle, vec![clip(Idle, 31, 0.0, 0.0); 2]), None);
+        let piece = clip(Idle, 31, 0.0, 0.0);
+        assert!(
+            lacks(Idle, vec![piece.clone(), piece.mirror()])
+                .unwrap()
+                .contains("1.0 s of standing were captured")
+        );
+        assert_eq!(lacks(Idle, vec![piece; 2]), None);
     }
 
     #[test]

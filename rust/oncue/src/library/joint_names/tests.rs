@@ -3,18 +3,24 @@
 use super::*;
 use crate::library::mocap_file::parse;
 
-/// A `.bvh` of two still frames from (depth, name) rows.
+/// A `.bvh` of two still frames from (depth, name) rows; every bone goes up by one.
 fn skeleton(rows: &[(usize, &str)]) -> MocapFile {
+    let rows: Vec<_> = rows.iter().map(|&(depth, name)| (depth, name, [0.0, 1.0, 0.0])).collect();
+    skeleton_of(&rows)
+}
+
+/// A `.bvh` of two still frames from (depth, name, offset) rows.
+fn skeleton_of(rows: &[(usize, &str, [f32; 3])]) -> MocapFile {
     let mut text = String::from("HIERARCHY\n");
     let mut depth = 0;
-    for (i, (d, name)) in rows.iter().enumerate() {
+    for (i, (d, name, [x, y, z])) in rows.iter().enumerate() {
         for _ in *d..depth {
             text.push_str("}\n");
         }
         depth = d + 1;
         let keyword = if i == 0 { "ROOT" } else { "JOINT" };
         text.push_str(&format!(
-            "{keyword} {name}\n{{\nOFFSET 0 1 0\nCHANNELS 3 Zrotation Xrotation Yrotation\n"
+            "{keyword} {name}\n{{\nOFFSET {x} {y} {z}\nCHANNELS 3 Zrotation Xrotation Yrotation\n"
         ));
     }
     text.push_str(&"}\n".repeat(depth));
@@ -53,7 +59,7 @@ fn the_systems_names_are_recognised() {
     /// System, hips, spine, neck, the limbs' names with `*` for the side, the sides.
     type System =
         (&'static str, &'static str, [&'static str; 2], &'static str, [&'static str; 8], [&'static str; 2]);
-    let systems: [System; 12] = [
+    let systems: [System; 31] = [
         (
             "lafan1",
             "Hips",
@@ -186,10 +192,283 @@ fn the_systems_names_are_recognised() {
             ["*Thigh", "*Shin", "*Foot", "*Toe", "*Collar", "*Shldr", "*ForeArm", "*Hand"],
             ["l", "r"],
         ),
+        (
+            "one more prefix",
+            "Model_Hips",
+            ["Model_Spine", "Model_Spine1"],
+            "Model_Neck",
+            [
+                "Model_*UpLeg",
+                "Model_*Leg",
+                "Model_*Foot",
+                "Model_*Toe",
+                "Model_*Shoulder",
+                "Model_*Arm",
+                "Model_*ForeArm",
+                "Model_*Hand",
+            ],
+            ["Left", "Right"],
+        ),
+        (
+            "one more suffix",
+            "Hips_jnt",
+            ["Spine_jnt", "Spine1_jnt"],
+            "Neck_jnt",
+            [
+                "*UpLeg_jnt",
+                "*Leg_jnt",
+                "*Foot_jnt",
+                "*Toe_jnt",
+                "*Shoulder_jnt",
+                "*Arm_jnt",
+                "*ForeArm_jnt",
+                "*Hand_jnt",
+            ],
+            ["Left", "Right"],
+        ),
+        (
+            "a prefix without a separator",
+            "herohips",
+            ["herospine", "herospine1"],
+            "heroneck",
+            [
+                "hero*upleg",
+                "hero*leg",
+                "hero*foot",
+                "hero*toe",
+                "hero*shoulder",
+                "hero*arm",
+                "hero*forearm",
+                "hero*hand",
+            ],
+            ["left", "right"],
+        ),
+        (
+            "an armature's path",
+            "Armature|Hips",
+            ["Armature|Spine", "Armature|Spine1"],
+            "Armature|Neck",
+            [
+                "Armature|*UpLeg",
+                "Armature|*Leg",
+                "Armature|*Foot",
+                "Armature|*Toe",
+                "Armature|*Shoulder",
+                "Armature|*Arm",
+                "Armature|*ForeArm",
+                "Armature|*Hand",
+            ],
+            ["Left", "Right"],
+        ),
+        (
+            "numbered characters",
+            "Character1_Hips",
+            ["Character1_Spine", "Character1_Spine1"],
+            "Character1_Neck",
+            [
+                "Character1_*UpLeg",
+                "Character1_*Leg",
+                "Character1_*Foot",
+                "Character1_*ToeBase",
+                "Character1_*Shoulder",
+                "Character1_*Arm",
+                "Character1_*ForeArm",
+                "Character1_*Hand",
+            ],
+            ["Left", "Right"],
+        ),
+        (
+            "soma",
+            "Hips",
+            ["Spine1", "Chest"],
+            "Neck1",
+            ["*Leg", "*Shin", "*Foot", "*ToeBase", "*Shoulder", "*Arm", "*ForeArm", "*Hand"],
+            ["Left", "Right"],
+        ),
+        (
+            "motive",
+            "Hip",
+            ["Ab", "Chest"],
+            "Neck",
+            ["*Thigh", "*Shin", "*Foot", "*Toe", "*Shoulder", "*UArm", "*FArm", "*Hand"],
+            ["L", "R"],
+        ),
+        (
+            "vrm",
+            "hips",
+            ["spine", "chest"],
+            "neck",
+            ["*UpperLeg", "*LowerLeg", "*Foot", "*Toes", "*Shoulder", "*UpperArm", "*LowerArm", "*Hand"],
+            ["left", "right"],
+        ),
+        (
+            "vroid",
+            "J_Bip_C_Hips",
+            ["J_Bip_C_Spine", "J_Bip_C_Chest"],
+            "J_Bip_C_Neck",
+            [
+                "J_Bip_*_UpperLeg",
+                "J_Bip_*_LowerLeg",
+                "J_Bip_*_Foot",
+                "J_Bip_*_ToeBase",
+                "J_Bip_*_Shoulder",
+                "J_Bip_*_UpperArm",
+                "J_Bip_*_LowerArm",
+                "J_Bip_*_Hand",
+            ],
+            ["L", "R"],
+        ),
+        (
+            "smpl for maya",
+            "m_avg_Pelvis",
+            ["m_avg_Spine1", "m_avg_Spine2"],
+            "m_avg_Neck",
+            [
+                "m_avg_*_Hip",
+                "m_avg_*_Knee",
+                "m_avg_*_Ankle",
+                "m_avg_*_Foot",
+                "m_avg_*_Collar",
+                "m_avg_*_Shoulder",
+                "m_avg_*_Elbow",
+                "m_avg_*_Wrist",
+            ],
+            ["L", "R"],
+        ),
+        (
+            "meta",
+            "Hips",
+            ["SpineLower", "Chest"],
+            "Neck",
+            [
+                "*UpperLeg",
+                "*LowerLeg",
+                "*FootAnkle",
+                "*FootBall",
+                "*Scapula",
+                "*ArmUpper",
+                "*ArmLower",
+                "*HandWrist",
+            ],
+            ["Left", "Right"],
+        ),
+        (
+            "deepmotion",
+            "hips_JNT",
+            ["spine_JNT", "spine1_JNT"],
+            "neck_JNT",
+            [
+                "*_upleg_JNT",
+                "*_leg_JNT",
+                "*_foot_JNT",
+                "*_toebase_JNT",
+                "*_shoulder_JNT",
+                "*_arm_JNT",
+                "*_forearm_JNT",
+                "*_hand_JNT",
+            ],
+            ["l", "r"],
+        ),
+        (
+            "unreal",
+            "pelvis",
+            ["spine_01", "spine_02"],
+            "neck_01",
+            ["thigh_*", "calf_*", "foot_*", "ball_*", "clavicle_*", "upperarm_*", "lowerarm_*", "hand_*"],
+            ["l", "r"],
+        ),
+        (
+            "rigify ORG",
+            "ORG-spine",
+            ["ORG-spine.001", "ORG-spine.002"],
+            "ORG-neck",
+            [
+                "ORG-thigh.*",
+                "ORG-shin.*",
+                "ORG-foot.*",
+                "ORG-toe.*",
+                "ORG-shoulder.*",
+                "ORG-upper_arm.*",
+                "ORG-forearm.*",
+                "ORG-hand.*",
+            ],
+            ["L", "R"],
+        ),
+        (
+            "rigify DEF",
+            "DEF-spine",
+            ["DEF-spine.001", "DEF-spine.002"],
+            "DEF-neck",
+            [
+                "DEF-thigh.*",
+                "DEF-shin.*",
+                "DEF-foot.*",
+                "DEF-toe.*",
+                "DEF-shoulder.*",
+                "DEF-upper_arm.*",
+                "DEF-forearm.*",
+                "DEF-hand.*",
+            ],
+            ["L", "R"],
+        ),
+        (
+            "daz",
+            "hip",
+            ["abdomenLower", "chestLower"],
+            "neckLower",
+            ["*ThighBend", "*Shin", "*Foot", "*Toe", "*Collar", "*ShldrBend", "*ForearmBend", "*Hand"],
+            ["l", "r"],
+        ),
+        (
+            "makehuman",
+            "root",
+            ["spine05", "spine01"],
+            "neck01",
+            [
+                "upperleg01.*",
+                "lowerleg01.*",
+                "foot.*",
+                "toe1-1.*",
+                "clavicle.*",
+                "upperarm01.*",
+                "lowerarm01.*",
+                "wrist.*",
+            ],
+            ["L", "R"],
+        ),
+        (
+            "cascadeur",
+            "pelvis",
+            ["stomach", "chest"],
+            "neck",
+            ["thigh_*", "calf_*", "foot_*", "toe_*", "clavicle_*", "arm_*", "forearm_*", "hand_*"],
+            ["l", "r"],
+        ),
+        (
+            "iclone",
+            "CC_Base_Hip",
+            ["CC_Base_Waist", "CC_Base_Spine01"],
+            "CC_Base_NeckTwist01",
+            [
+                "CC_Base_*_Thigh",
+                "CC_Base_*_Calf",
+                "CC_Base_*_Foot",
+                "CC_Base_*_ToeBase",
+                "CC_Base_*_Clavicle",
+                "CC_Base_*_Upperarm",
+                "CC_Base_*_Forearm",
+                "CC_Base_*_Hand",
+            ],
+            ["L", "R"],
+        ),
     ];
     for (system, hips, spine, neck, pattern, [l, r]) in systems {
         let (left, right) = sides(pattern, l, r);
-        let head = neck.replace("upperneck", "head").replace("Neck", "Head").replace("neck", "head");
+        let head = ["upperneck", "NeckTwist01", "neckLower", "Neck", "neck"]
+            .iter()
+            .find(|word| neck.contains(**word))
+            .map(|word| neck.replace(word, if word.starts_with('N') { "Head" } else { "head" }))
+            .unwrap();
         let file = body(
             hips,
             spine,
@@ -246,4 +525,76 @@ fn a_mapping_names_the_rest() {
     assert_eq!(table.get(Joint::Hips), Some(0));
     mapping.insert("LeftHand".into(), "gone".into());
     assert!(recognize(&file, Some(&mapping)).unwrap_err().contains("gone"));
+}
+
+/// A body whose left leg begins with these joints, above the foot; the right leg and the arms are plain.
+fn with_left_leg(leg: &[(&str, [f32; 3])]) -> MocapFile {
+    let down = [0.0, -0.4, 0.0];
+    let mut rows = vec![(0, "Hips", [0.0; 3])];
+    rows.extend(leg.iter().enumerate().map(|(i, &(name, offset))| (1 + i, name, offset)));
+    rows.push((1 + leg.len(), "LeftFoot", down));
+    rows.extend([(1, "RightUpLeg", [-0.1, 0.0, 0.0]), (2, "RightLeg", down), (3, "RightFoot", down)]);
+    rows.extend([(1, "Spine", [0.0, 0.2, 0.0]), (2, "Chest", [0.0, 0.2, 0.0])]);
+    for side in ["Left", "Right"] {
+        let names: [&'static str; 3] = if side == "Left" {
+            ["LeftArm", "LeftForeArm", "LeftHand"]
+        } else {
+            ["RightArm", "RightForeArm", "RightHand"]
+        };
+        rows.extend(names.into_iter().enumerate().map(|(i, name)| (3 + i, name, [0.3, 0.0, 0.0])));
+    }
+    skeleton_of(&rows)
+}
+
+#[test]
+fn the_thigh_is_what_the_knee_hangs_from() {
+    let (side, half, whole) = ([0.1, 0.0, 0.0], [0.0, -0.2, 0.0], [0.0, -0.4, 0.0]);
+    type Leg<'a> = (&'a [(&'a str, [f32; 3])], &'a str, &'a str);
+    let legs: [Leg; 8] = [
+        // A buttock, a hip to the side and a short piece above the thigh are none of it.
+        (&[("lButtock", side), ("lThigh", [0.02, -0.06, 0.0]), ("lShin", whole)], "lThigh", "lShin"),
+        (&[("LeftHip", side), ("LeftUpLeg", [0.0, -0.06, 0.0]), ("LeftLeg", whole)], "LeftUpLeg", "LeftLeg"),
+        (
+            &[("LeftHip", [0.0; 3]), ("LeftUpLeg", [0.1, -0.1, 0.0]), ("LeftLeg", whole)],
+            "LeftUpLeg",
+            "LeftLeg",
+        ),
+        // The halves of a bone begin at its upper end.
+        (
+            &[("DEF-thigh.L", side), ("DEF-thigh.L.001", half), ("DEF-shin.L", half)],
+            "DEF-thigh.L",
+            "DEF-shin.L",
+        ),
+        (
+            &[("upperleg01.L", side), ("upperleg02.L", half), ("lowerleg01.L", half), ("lowerleg02.L", half)],
+            "upperleg01.L",
+            "lowerleg01.L",
+        ),
+        (&[("lThighBend", side), ("lThighTwist", half), ("lShin", half)], "lThighBend", "lShin"),
+        (&[("thigh_l", side), ("thigh_twist_01_l", half), ("calf_l", half)], "thigh_l", "calf_l"),
+        (&[("LeftLeg", side), ("LeftShin", whole)], "LeftLeg", "LeftShin"),
+    ];
+    for (leg, thigh, shin) in legs {
+        let file = with_left_leg(leg);
+        let table = recognize(&file, None).unwrap();
+        let name = |joint| file.joints[table.get(joint).unwrap()].name.as_str();
+        assert_eq!((name(Joint::LeftUpLeg), name(Joint::LeftLeg)), (thigh, shin), "{leg:?}");
+    }
+}
+
+#[test]
+fn neck_and_head_are_found_without_their_names() {
+    let left = ["thigh.L", "shin.L", "foot.L", "toe.L", "shoulder.L", "upper_arm.L", "forearm.L", "hand.L"];
+    let right = left.map(|name| name.replace(".L", ".R"));
+    let file = body(
+        "spine",
+        ["spine.001", "spine.003"],
+        "spine.004",
+        "spine.006",
+        left,
+        right.each_ref().map(|s| s.as_str()),
+    );
+    let table = recognize(&file, None).unwrap();
+    assert_eq!((table.get(Joint::Neck), table.get(Joint::Head)), (Some(19), Some(20)));
+    assert_eq!(table.spine, [9, 10]);
 }
