@@ -28,6 +28,8 @@ pub(super) struct Steps {
 
 /// Hips lower over the feet than this do not walk: they crawl or crouch, leg lengths.
 const LOWEST_HIPS: f32 = 0.8;
+/// A floor's lowest and highest step differ by less than this, leg lengths.
+const LEVEL: f32 = 0.5;
 /// Both feet are in the air where all of them is higher than this over where they stand, leg lengths.
 const AIRBORNE: f32 = 0.05;
 /// Flights shorter than this tell nothing of their fall, frames.
@@ -45,13 +47,21 @@ pub(super) struct Gait {
     height: Vec<f32>,
     /// How high the lowest part of the feet is over where it stands.
     air: Vec<f32>,
+    /// How high the lowest part of the feet is.
+    feet: Vec<f32>,
 }
 
 impl Gait {
     pub(super) fn new(file: &MocapFile, table: &JointTable, up: UpAxis) -> Self {
         let length = leg_length(file, table).max(1e-6);
         let up = up.direction();
-        let mut out = Self { apart: Vec::new(), hips: Vec::new(), height: Vec::new(), air: Vec::new() };
+        let mut out = Self {
+            apart: Vec::new(),
+            hips: Vec::new(),
+            height: Vec::new(),
+            air: Vec::new(),
+            feet: Vec::new(),
+        };
         let mut feet: Vec<[f32; 4]> = Vec::new();
         let mut pose = MocapPose::default();
         let first = file.leading_rest_frames();
@@ -73,7 +83,16 @@ impl Gait {
             heights.get(heights.len() / 20).copied().unwrap_or_default()
         });
         out.air = feet.iter().map(|f| (0..4).map(|i| f[i] - stands[i]).fold(f32::MAX, f32::min)).collect();
+        out.feet = feet.iter().map(|f| f.iter().copied().fold(f32::MAX, f32::min)).collect();
         out
+    }
+
+    /// Whether all steps are on one floor. Who crawls goes where his head points, so along that axis his feet rise.
+    pub(super) fn is_level(&self) -> bool {
+        let mut heights = self.feet.clone();
+        heights.sort_unstable_by(f32::total_cmp);
+        let at = |share: usize| heights.get(heights.len() * share / 20).copied().unwrap_or_default();
+        at(19) - at(1) < LEVEL
     }
 
     /// The steps, or `None` where there are fewer than `fewest`.
@@ -166,7 +185,7 @@ mod tests {
         let flight = |f: usize| if (10..31).contains(&f) { (f as f32 - 20.0) / 50.0 } else { 0.2 };
         let height: Vec<f32> = (0..40).map(|f| 1.5 - 11.1 / 2.0 * flight(f).powi(2)).collect();
         let air = (0..40).map(|f| if (10..31).contains(&f) { 0.1 } else { 0.0 }).collect();
-        let gait = Gait { apart: vec![0.0; 40], hips: vec![1.0; 40], height, air };
+        let gait = Gait { apart: vec![0.0; 40], hips: vec![1.0; 40], height, air, feet: vec![0.0; 40] };
         let rate = gait.rate_by_flight().unwrap();
         assert!((rate - 50.0).abs() < 0.1, "{rate}");
         assert_eq!(gait.steps(1), None);

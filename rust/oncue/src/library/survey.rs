@@ -138,7 +138,8 @@ fn up_scores(file: &MocapFile, table: &JointTable, notes: &mut Vec<String>) -> U
     if matches!(up, UpAxis::Y | UpAxis::Z) {
         return scores;
     }
-    if Gait::new(file, table, up).steps(FEWEST_STEPS).is_none() {
+    let gait = Gait::new(file, table, up);
+    if gait.steps(FEWEST_STEPS).is_none() || !gait.is_level() {
         return scores.usual();
     }
     notes.push(format!("its {} axis points up, by where the head is over the feet.", up.name()));

@@ -83,7 +83,7 @@ pub(super) fn side(word: &str) -> Option<Side> {
     })
 }
 
-/// "LeftUpLeg" → left up leg, "LHipJoint" → l hip joint.
+/// "LeftUpLeg" → left up leg, "LHipJoint" → l hip joint, "LFArm" → l f arm.
 fn split(name: &str) -> Vec<String> {
     let mut words: Vec<String> = vec![String::new()];
     let mut last_lower = false;
@@ -95,6 +95,12 @@ fn split(name: &str) -> Vec<String> {
             words.push(String::new());
         } else {
             if c.is_uppercase() && (last_lower || (last_upper && next_lower)) {
+                if let Some(letters) =
+                    words.last_mut().filter(|w| matches!(w.as_str(), "lf" | "lu" | "rf" | "ru"))
+                {
+                    let letter = letters.split_off(1);
+                    words.push(letter);
+                }
                 words.push(String::new());
             }
             if let Some(word) = words.last_mut() {
