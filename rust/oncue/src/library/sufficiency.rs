@@ -81,7 +81,10 @@ pub(crate) fn shortfall(library: &MotionLibrary, label: ActionLabel) -> Option<S
             let [left, right] = captured.turned;
             of(
                 captured.metres >= WALKED_METRES,
-                format!("{:.1} m were walked, {WALKED_METRES} are needed", captured.metres),
+                format!(
+                    "{:.1} m were walked in pieces of a second and more, {WALKED_METRES} are needed",
+                    captured.metres
+                ),
             )
             .or_else(|| {
                 of(
@@ -96,10 +99,8 @@ pub(crate) fn shortfall(library: &MotionLibrary, label: ActionLabel) -> Option<S
         ActionLabel::Idle => of(
             captured.longest >= STANDING_FRAMES && captured.seconds >= STILL_SECONDS,
             format!(
-                "{:.1} s of standing were captured, the longest {:.1} s; {STILL_SECONDS} s are needed, and {:.1} s in one piece",
-                captured.seconds,
-                seconds(captured.longest),
-                seconds(STANDING_FRAMES),
+                "{:.1} s of standing were captured, {} frames in one piece at most; {STILL_SECONDS} s and {STANDING_FRAMES} frames are needed",
+                captured.seconds, captured.longest,
             ),
         ),
         ActionLabel::SeatedIdle => of(
@@ -144,7 +145,11 @@ mod tests {
         use ActionLabel::Walk;
         // By hand: 5 s at 1.2 m/s are 6 m; 10 s at 30°/s are 300°, 12 m of way.
         let straight = clip(Walk, 151, 1.2, 0.0);
-        assert!(lacks(Walk, vec![straight.clone()]).unwrap().contains("6.0 m were walked, 20 are needed"));
+        assert!(
+            lacks(Walk, vec![straight.clone()])
+                .unwrap()
+                .contains("6.0 m were walked in pieces of a second and more, 20 are needed")
+        );
         let turns = lacks(Walk, vec![straight; 4]).unwrap();
         assert!(turns.contains("0° were turned to the left and 0° to the right"), "{turns}");
         let left = clip(Walk, 301, 1.2, 30.0);
@@ -160,7 +165,9 @@ mod tests {
     #[test]
     fn standing_is_enough_in_one_piece() {
         use ActionLabel::Idle;
-        assert!(lacks(Idle, vec![clip(Idle, 15, 0.0, 0.0)]).unwrap().contains("the longest 0.5 s"));
+        assert!(
+            lacks(Idle, vec![clip(Idle, 15, 0.0, 0.0)]).unwrap().contains("15 frames in one piece at most")
+        );
         assert!(lacks(Idle, vec![clip(Idle, 30, 0.0, 0.0); 10]).is_some());
         let piece = clip(Idle, 31, 0.0, 0.0);
         assert!(
