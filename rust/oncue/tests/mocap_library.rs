@@ -430,8 +430,7 @@ fn a_known_motion_comes_back_whatever_its_joints_frames() {
         let path = dir.join("known.bvh");
         std::fs::write(
             &path,
-            Written { seed: seed as u64, units_in_a_metre: units, up: up, ..Written::default() }
-                .text(original),
+            Written { seed: seed as u64, units_in_a_metre: units, up, ..Written::default() }.text(original),
         )
         .unwrap();
         let built = build(&[path], &settings(), &Progress::new()).unwrap();
