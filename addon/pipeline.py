@@ -233,7 +233,8 @@ def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps[BuiltLibr
             if not choice.paths and choice.starter == "none":
                 raise SceneError("The motion library is empty: add mocap files, or let the starter library in.")
             starter = choice.starter if mocap else "all"
-            library, skipped = yield from finish(core.build_library(mocap, {"starter": starter}))
+            library, captures = yield from finish(core.build_library(mocap, {"starter": starter}))
+            skipped = [(c["file"], c["reason"] or "") for c in captures if c["clip"] is None]
         for path in finished:
             read = core.Library.read(path)
             library = read if library is None else library.merged(read)

@@ -30,11 +30,30 @@ def library(mocap_folder) -> Library:
 
 
 def test_a_folder_becomes_a_library(mocap_folder):
-    library, skipped = oncue_core.build_library([str(mocap_folder)], MOCAP_ONLY).result()
+    library, captures = oncue_core.build_library([str(mocap_folder)], MOCAP_ONLY).result()
     assert library.clip_count == 4, "two captures and their mirrored copies"
     assert 4 * 80 <= library.frame_count <= 4 * 91
-    assert sorted(file.rsplit("/")[-1] for file, _ in skipped) == ["empty.bvh", "noise.bvh"]
-    assert all(len(reason) > 10 for _, reason in skipped)
+    files = {capture["file"].rsplit("/")[-1]: capture for capture in captures}
+    assert list(files) == ["brisk.bvh", "slow.bvh", "empty.bvh", "noise.bvh"]
+    for name in ("empty.bvh", "noise.bvh"):
+        assert files[name]["clip"] is None
+        assert files[name]["seconds"] == {}
+        assert len(files[name]["reason"]) > 10
+    for name, clip in (("brisk.bvh", "brisk"), ("slow.bvh", "slow")):
+        assert files[name]["clip"] == clip
+        frames = library.frame_count / 4
+        assert sum(files[name]["seconds"].values()) == pytest.approx(frames / 30, abs=0.1)
+        assert files[name]["notes"] == []
+
+
+def test_what_the_captures_lack_is_the_starters(mocap_folder):
+    library, _ = oncue_core.build_library([mocap_folder]).result()
+    rows = {row["label"]: row for row in library.summary()["rows"]}
+    made = {row["label"]: row for row in Library.starter().summary()["rows"]}
+    assert rows["other"]["mocap_seconds"] > 0
+    assert rows["walk"]["shortfall"] == "none was captured"
+    assert rows["walk"]["procedural_seconds"] == made["walk"]["procedural_seconds"]
+    assert rows["other"]["shortfall"] is None
 
 
 def test_the_summary_counts_every_frame_once(library):
@@ -60,8 +79,8 @@ def test_a_clip_goes_out_as_a_bvh_and_comes_back(library, tmp_path):
         path = math.dist(rows[0][0:3:2], rows[-1][0:3:2])
         assert path / 100 / ((len(rows) - 1) / 30) == pytest.approx(speed, rel=0.05)
         assert 85 < rows[0][1] < 105
-        again, skipped = oncue_core.build_library([tmp_path], {**MOCAP_ONLY, "mirror": False}).result()
-        assert not skipped
+        again, captures = oncue_core.build_library([tmp_path], {**MOCAP_ONLY, "mirror": False}).result()
+        assert [capture["reason"] for capture in captures if capture["clip"] is None] == []
         assert again.clip_names == ["walk"]
         assert again.frame_count == len(rows)
         # Rewritten from what was read of it, it is the same file but for what the calibration measures anew.

@@ -9,6 +9,7 @@ import oncue_core
 import pytest
 from oncue_core import Library
 
+from .bvh import stepping
 from .geometry import sit_on_the_bench
 
 #: One small update from nothing: too little to walk well, enough for a learning curve.
@@ -99,7 +100,7 @@ def test_a_report_has_what_its_type_says(learnt, played):
     assert edited["constraints"], edited
 
 
-def test_every_other_dict_has_what_its_type_says(bench_scene, library, played):
+def test_every_other_dict_has_what_its_type_says(bench_scene, library, played, tmp_path):
     check(oncue_core.skeleton(), oncue_core.Skeleton)
     check(library.summary(), oncue_core.Summary)
     check(library.foot_figures(), oncue_core.FootFigures)
@@ -111,6 +112,10 @@ def test_every_other_dict_has_what_its_type_says(bench_scene, library, played):
     check(played.policy.origin, oncue_core.PolicyOrigin)
     assert played.policy.origin["cues"]
     check(oncue_core.practice_room(3)[2], list[oncue_core.ActionCue])
+    (tmp_path / "brisk.bvh").write_text(stepping(speed=1.2))
+    (tmp_path / "empty.bvh").write_text("")
+    captures = oncue_core.build_library([tmp_path], {"starter": "none"}).result()[1]
+    check(captures, list[oncue_core.Capture])
 
     motion = (played.root_positions, played.rotations, played.contacts)
     figures = oncue_core.motion_figures(*motion, 0, len(played.contacts))

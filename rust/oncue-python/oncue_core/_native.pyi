@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .types import (
     ActionCue,
     BodyFigures,
+    Capture,
     Constraint,
     EditFigures,
     FootFigures,
@@ -123,11 +124,12 @@ class Library:
 
 def build_library(
     paths: Sequence[str | os.PathLike[str]], settings: Settings | None = None
-) -> Job[tuple[Library, list[tuple[str, str]]]]:
-    """Builds a library from .bvh files and folders; gives it with the files that were skipped and why.
+) -> Job[tuple[Library, list[Capture]]]:
+    """Builds a library from .bvh files and folders; gives it with what each file gave to it.
 
-    With no paths it is the starter's. Settings: `mirror` (bool), `starter` ("all", "missing": the actions that no
-    capture has, or "none"), `mapping` (a JSON file naming the joints, or None).
+    With no paths it is the starter's. Settings: `mirror` (bool), `starter` ("all", "missing": the actions of
+    which the captures have too little to work with, or "none"), `mapping` (a mapping file for all the files, see
+    docs/captures.md, or None).
     From the job: OSError for a path that is not there, InputError for a folder without .bvh files or where no file
     could be used.
     """

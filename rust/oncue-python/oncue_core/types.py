@@ -337,13 +337,32 @@ class Skeleton(TypedDict):
 
 
 class SummaryRow(TypedDict):
-    """Seconds of one action ("walk", "idle", "sit", "seated_idle", "stand_up", "stop", "other")."""
+    """Seconds of one action ("walk", "idle", "sit", "seated_idle", "stand_up", "stop", "other").
+
+    `shortfall` says why the captured part is too little to work with, so that the starter library fills it up.
+    """
 
     label: str
     mocap_seconds: float
     mirrored_seconds: float
     procedural_seconds: float
     segments: int
+    shortfall: str | None
+
+
+class Capture(TypedDict):
+    """What a motion capture file gave to a library.
+
+    `clip`: the name of what was made of it, or None. `seconds`: of each action that it shows, those of "other" are not
+    matched. `notes`: what was taken otherwise than the file says it, a sentence each. `reason`: why the file, or the
+    part of it that is not matched, is left out, a sentence or None.
+    """
+
+    file: str
+    clip: str | None
+    seconds: dict[str, float]
+    notes: list[str]
+    reason: str | None
 
 
 class Summary(TypedDict):

@@ -146,7 +146,7 @@ pub fn practice_room(py: Python<'_>, seed: u64) -> PyResult<Bound<'_, PyAny>> {
     Ok((positions, triangles, json::to_python(py, &room.cues)?).into_pyobject(py)?.into_any())
 }
 
-/// Builds a library from .bvh files and folders; gives it with the files that were skipped and why.
+/// Builds a library from .bvh files and folders; gives it with what each file gave to it.
 #[pyfunction]
 #[pyo3(signature = (paths, settings=None))]
 pub fn build_library(paths: Vec<PathBuf>, settings: Option<&Bound<'_, PyDict>>) -> PyResult<Job> {
@@ -154,10 +154,9 @@ pub fn build_library(paths: Vec<PathBuf>, settings: Option<&Bound<'_, PyDict>>) 
     Job::start(
         move |progress| build(&paths, &settings, progress),
         |py, built| {
-            let skipped: Vec<(String, String)> =
-                built.skipped.into_iter().map(|s| (s.file.display().to_string(), s.reason)).collect();
+            let captures = json::to_python(py, &built.captures)?;
             let library = Py::new(py, Library::new(built.library))?;
-            Ok((library, skipped).into_pyobject(py)?.into_any().unbind())
+            Ok((library, captures).into_pyobject(py)?.into_any().unbind())
         },
     )
 }

@@ -1,6 +1,7 @@
 //! Builds a motion library from `.bvh` files and folders and prints what it holds.
 //!
-//! `cargo run --release --example library -- FOLDER_OR_FILE … [--out FILE] [--no-mirror] [--starter all|missing|none] [--clips]`
+//! `cargo run --release --example library -- FOLDER_OR_FILE … [--out FILE] [--no-mirror] [--starter all|missing|none] [--clips] [--files]
+//! [--mapping FILE]`
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -21,7 +22,7 @@ fn main() -> ExitCode {
 
 fn run() -> Result<(), String> {
     let mut settings = LibrarySettings::default();
-    let (mut paths, mut out, mut clips) = (Vec::new(), None, false);
+    let (mut paths, mut out, mut clips, mut files) = (Vec::new(), None, false, false);
     let mut arguments = std::env::args().skip(1);
     while let Some(argument) = arguments.next() {
         let mut value = || arguments.next().ok_or_else(|| format!("{argument} needs a value."));
@@ -29,6 +30,7 @@ fn run() -> Result<(), String> {
             "--out" => out = Some(PathBuf::from(value()?)),
             "--no-mirror" => settings.mirror = false,
             "--clips" => clips = true,
+            "--files" => files = true,
             "--mapping" => settings.mapping = Some(PathBuf::from(value()?)),
             "--starter" => {
                 settings.starter = match value()?.as_str() {
@@ -44,8 +46,16 @@ fn run() -> Result<(), String> {
     let begin = Instant::now();
     let built = build(&paths, &settings, &Progress::new()).map_err(|e| e.to_string())?;
     print(&built.library, clips);
-    for skipped in &built.skipped {
-        println!("skipped {}: {}", skipped.file.display(), skipped.reason);
+    for capture in &built.captures {
+        let file = capture.file.display();
+        for note in &capture.notes {
+            println!("{file}: {note}");
+        }
+        match (&capture.clip, &capture.reason) {
+            (None, reason) => println!("skipped {file}: {}", reason.as_deref().unwrap_or_default()),
+            (Some(_), Some(reason)) if files => println!("{file}: {reason}"),
+            _ => {}
+        }
     }
     println!("built in {:.1} s, checksum {}", begin.elapsed().as_secs_f32(), built.library.checksum());
     if let Some(out) = out {
@@ -78,5 +88,8 @@ fn print(library: &MotionLibrary, clips: bool) {
             row.procedural_seconds,
             row.segments
         );
+        if let Some(shortfall) = row.shortfall.filter(|_| row.procedural_seconds > 0.0) {
+            println!("             filled up by the starter library: {shortfall}");
+        }
     }
 }

@@ -3,10 +3,12 @@
 pub use crate::controller::policy::{Gaussian, draw};
 pub use crate::controller::ppo::Ppo;
 pub use crate::controller::rollout::{Rollout, Tuples};
-pub use crate::library::calibration::{Sampler, UpAxis, leg_length};
+
 pub use crate::library::feature::{Future, feature_size, write_feature};
 pub use crate::library::retarget::recognize_unit;
+pub use crate::library::sampler::{Sampler, leg_length};
 pub use crate::library::search::SearchIndex;
+pub use crate::library::up_axis::UpAxis;
 pub use crate::manifold::autoencoder::DecoderWorkspace;
 pub use crate::manifold::kinematics::{Kinematics, RootPath};
 pub use crate::manifold::window::{FEATURES, WINDOW, from_motion};

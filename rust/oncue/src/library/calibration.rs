@@ -13,132 +13,11 @@
 
 use glam::{DVec2, DVec3, Mat3, Quat, Vec2, Vec3};
 
-use super::joint_names::JointTable;
-use super::mocap_file::{MocapFile, MocapPose};
+use super::sampler::Sampler;
 use crate::motion::skeleton::{JOINT_COUNT, LEG_LENGTH};
 use crate::motion::{FRAME_RATE, Joint};
 
 use Joint::*;
-
-/// Which axis of a file points up.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum UpAxis {
-    /// Y is up.
-    Y,
-    /// Z is up.
-    Z,
-}
-
-/// A file read at 30 Hz in our axes, scaled so that its legs are as long as ours.
-pub struct Sampler<'a> {
-    file: &'a MocapFile,
-    /// Which of the file's joints are ours.
-    pub table: &'a JointTable,
-    up: UpAxis,
-    /// Our metres for one unit of the file.
-    pub scale: f32,
-    first: usize,
-    /// Takes the file's floor, which some captures tilt by a degree, to the level.
-    level: Quat,
-    /// Where the file's joints are, in its own axes and unit.
-    pub pose: MocapPose,
-}
-
-impl<'a> Sampler<'a> {
-    /// # Errors
-    /// A sentence where the legs have no length.
-    pub fn new(file: &'a MocapFile, table: &'a JointTable, up: UpAxis) -> Result<Self, String> {
-        let length = leg_length(file, table);
-        if !(1e-4..1e6).contains(&length) {
-            return Err("its legs have no length.".into());
-        }
-        let scale = 2.0 * LEG_LENGTH / length;
-        let first = file.leading_rest_frames();
-        Ok(Self { file, table, up, scale, first, level: Quat::IDENTITY, pose: MocapPose::default() })
-    }
-
-    /// From now on the floor of this slope is level.
-    pub fn set_floor(&mut self, slope: Vec2) {
-        self.level = Quat::from_rotation_arc(Vec3::new(-slope.x, -slope.y, 1.0).normalize(), Vec3::Z);
-    }
-
-    /// Frames at 30 Hz.
-    pub fn frame_count(&self) -> usize {
-        let seconds = (self.file.frame_count() - 1 - self.first) as f64 / self.file.frame_rate;
-        (seconds * f64::from(FRAME_RATE) + 1e-3).floor() as usize + 1
-    }
-
-    /// The frame of the file at frame `frame` of ours.
-    pub fn file_frame(&self, frame: usize) -> f64 {
-        self.first as f64 + frame as f64 * self.file.frame_rate / f64::from(FRAME_RATE)
-    }
-
-    /// Fills `pose` with frame `frame` at 30 Hz.
-    pub fn sample(&mut self, frame: usize) {
-        let mut at = self.file_frame(frame);
-        if (at - at.round()).abs() < 1e-3 {
-            at = at.round();
-        }
-        self.file.pose_at(at, &mut self.pose);
-        let turn = match self.up {
-            UpAxis::Y => Quat::from_rotation_x(std::f32::consts::FRAC_PI_2),
-            UpAxis::Z => Quat::IDENTITY,
-        };
-        let turn = self.level * turn;
-        for p in &mut self.pose.positions {
-            *p = turn * (*p * self.scale);
-        }
-        for r in &mut self.pose.rotations {
-            *r = turn * *r;
-        }
-    }
-
-    /// Where one of our joints is, in the file's axes and unit.
-    pub fn position(&self, joint: Joint) -> Option<Vec3> {
-        self.table.get(joint).map(|i| self.pose.positions[i])
-    }
-
-    /// How one of our joints is turned, in the file's axes.
-    pub fn rotation(&self, joint: Joint) -> Option<Quat> {
-        self.table.get(joint).map(|i| self.pose.rotations[i])
-    }
-
-    /// Position of a joint that every table has.
-    fn at(&self, joint: Joint) -> Vec3 {
-        self.position(joint).unwrap_or_default()
-    }
-}
-
-/// Length of thigh and shin in the file's unit, mean of both legs.
-pub fn leg_length(file: &MocapFile, table: &JointTable) -> f32 {
-    let mut pose = MocapPose::default();
-    file.pose_at(0.0, &mut pose);
-    let at = |j: Joint| table.get(j).map_or(Vec3::ZERO, |i| pose.positions[i]);
-    [[LeftUpLeg, LeftLeg, LeftFoot], [RightUpLeg, RightLeg, RightFoot]]
-        .map(|[hip, knee, ankle]| at(hip).distance(at(knee)) + at(knee).distance(at(ankle)))
-        .iter()
-        .sum::<f32>()
-        / 2.0
-}
-
-/// How much the motion speaks for Y and for Z as the up axis: the head stands over the ankles.
-pub(crate) fn up_scores(file: &MocapFile, table: &JointTable) -> [f64; 2] {
-    let mut pose = MocapPose::default();
-    let count = file.frame_count();
-    let step = (count / 100).max(1);
-    let mut scores = [0.0; 2];
-    for frame in (file.leading_rest_frames()..count).step_by(step) {
-        file.pose_at(frame as f64, &mut pose);
-        let at = |j: Joint| table.get(j).map_or(Vec3::ZERO, |i| pose.positions[i]);
-        let head = if table.get(Head).is_some() { at(Head) } else { (at(LeftArm) + at(RightArm)) / 2.0 };
-        let Some(up) = (head - (at(LeftFoot) + at(RightFoot)) / 2.0).try_normalize() else { continue };
-        for (score, along) in scores.iter_mut().zip([up.y, up.z]) {
-            *score += f64::from((along.abs() - 0.7).max(0.0));
-        }
-    }
-    scores
-}
 
 /// Sums over frames, of one file or of all files with one skeleton.
 #[derive(Debug, Clone, Default)]
@@ -265,19 +144,6 @@ struct Seen {
     toes: [Vec3; 2],
 }
 
-/// The toe's place: its joint, or the end of the foot's bone.
-fn toe_position(s: &Sampler, side: usize) -> Vec3 {
-    let (toe, foot) = (Joint::TOES[side], Joint::FEET[side]);
-    if let Some(p) = s.position(toe)
-        && p.distance(s.at(foot)) > 0.02
-    {
-        return p;
-    }
-    let index = s.table.get(foot).unwrap_or_default();
-    let end = s.file.joints[index].end_site.unwrap_or_default();
-    s.at(foot) + s.pose.rotations[index] * (end * s.scale)
-}
-
 /// Measures the sums of one file.
 pub(crate) fn measure(sampler: &mut Sampler) -> Sums {
     let s = sampler;
@@ -286,10 +152,7 @@ pub(crate) fn measure(sampler: &mut Sampler) -> Sums {
     let mut headings: Vec<f32> = Vec::with_capacity(count);
     for frame in 0..count {
         s.sample(frame);
-        seen.push(Seen {
-            feet: Joint::FEET.map(|j| s.at(j)),
-            toes: [toe_position(s, 0), toe_position(s, 1)],
-        });
+        seen.push(Seen { feet: Joint::FEET.map(|j| s.at(j)), toes: [s.toe(0), s.toe(1)] });
         let left = s.at(LeftUpLeg) - s.at(RightUpLeg);
         headings.push(left.y.atan2(left.x));
     }
@@ -402,7 +265,7 @@ fn add_hinges(sums: &mut Sums, s: &Sampler) {
             Some(end) => end,
             None => {
                 let index = s.table.get(second).unwrap_or_default();
-                s.at(second) + b * (s.file.joints[index].end_site.unwrap_or_default() * s.scale)
+                s.at(second) + b * (s.file().joints[index].end_site.unwrap_or_default() * s.scale)
             }
         };
         let upper = (s.at(second) - s.at(first)).normalize_or_zero();
@@ -427,7 +290,7 @@ fn add_hinges(sums: &mut Sums, s: &Sampler) {
 
 fn add_flat_foot(sums: &mut Sums, s: &Sampler, side: usize, weight: f32) {
     let (foot, toe) = (Joint::FEET[side], Joint::TOES[side]);
-    let forward = toe_position(s, side) - s.at(foot);
+    let forward = s.toe(side) - s.at(foot);
     // Left of a foot that points forward.
     let left = Vec3::Z.cross(forward);
     let Some(axes) = axes(left, true) else { return };

@@ -11,6 +11,7 @@ use super::feature::{
     write_feature,
 };
 use super::search::SearchIndex;
+use super::sufficiency::STANDING_FRAMES;
 use crate::action::{ActionLabel, ActionType, Completion, FutureKind};
 use crate::error::{Error, Result};
 use crate::math::Planar;
@@ -168,7 +169,9 @@ impl MotionDatabase {
             frames.extend(f);
             pose_features.extend(p);
         }
-        let stands = |f: &DatabaseFrame| f.label == ActionLabel::Idle && f.remaining >= 30;
+        let stands = |f: &DatabaseFrame| {
+            f.label == ActionLabel::Idle && usize::from(f.remaining) + 1 >= STANDING_FRAMES
+        };
         let idle_frames =
             (0..frames.len() as u32).filter(|&f| stands(&frames[f as usize])).collect::<Vec<u32>>();
         let matched =

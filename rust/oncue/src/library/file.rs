@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::build::seconds;
 use super::clip::{Clip, MotionLibrary, Source};
+use super::sufficiency;
 use crate::action::ActionLabel;
 use crate::data_file::{FileKind, write_whole};
 use crate::error::{Error, Result};
@@ -52,6 +53,9 @@ pub struct SummaryRow {
     pub procedural_seconds: f32,
     /// How many segments these are.
     pub segments: usize,
+    /// Why the captured part is too little to work with, so that the starter library fills it up; `None` where it
+    /// is enough.
+    pub shortfall: Option<String>,
 }
 
 impl MotionLibrary {
@@ -138,6 +142,7 @@ impl MotionLibrary {
                 mirrored_seconds: 0.0,
                 procedural_seconds: 0.0,
                 segments: 0,
+                shortfall: sufficiency::shortfall(self, label),
             };
             for clip in &self.clips {
                 for segment in clip.segments.iter().filter(|s| s.label == label) {

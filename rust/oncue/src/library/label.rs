@@ -150,22 +150,43 @@ fn join_short(labels: &mut [ActionLabel]) {
     }
 }
 
+/// Something that is not offered for matching, and how it shows.
+struct Unmatched {
+    /// As a sentence names it.
+    what: &'static str,
+    shows: fn(&Signal) -> bool,
+    /// It lasts for so many frames at least …
+    shortest: usize,
+    /// … and takes so many around it along.
+    around: usize,
+}
+
+const UNMATCHED: [Unmatched; 6] = [
+    Unmatched { what: "running", shows: |s| s.speed > RUN_SPEED, shortest: 4, around: 5 },
+    Unmatched { what: "both feet in the air", shows: |s| s.airborne, shortest: 2, around: 8 },
+    Unmatched { what: "crouching or lying", shows: |s| s.pelvis.z < LOW_PELVIS, shortest: 3, around: 5 },
+    Unmatched { what: "bending down", shows: |s| s.lean > BENT_TRUNK, shortest: 3, around: 5 },
+    Unmatched { what: "hands held in front", shows: |s| s.busy_hands, shortest: 12, around: 5 },
+    Unmatched { what: "a raised hand", shows: |s| s.raised_hand, shortest: 5, around: 5 },
+];
+
+impl Unmatched {
+    /// The frames that it takes.
+    fn stretches(&self, signals: &[Signal]) -> Vec<std::ops::Range<usize>> {
+        let flags: Vec<bool> = signals.iter().map(self.shows).collect();
+        runs(&flags, true)
+            .into_iter()
+            .filter(|(first, end)| end - first >= self.shortest)
+            .map(|(first, end)| first.saturating_sub(self.around)..(end + self.around).min(signals.len()))
+            .collect()
+    }
+}
+
 /// Runs, jumps, crouches, lies, bends, carries, raised hands.
 fn mark_other(labels: &mut [ActionLabel], signals: &[Signal]) {
-    let mut mark = |flags: Vec<bool>, shortest: usize, around: usize| {
-        for (first, end) in runs(&flags, true) {
-            if end - first >= shortest {
-                let range = first.saturating_sub(around)..(end + around).min(signals.len());
-                labels[range].fill(ActionLabel::Other);
-            }
-        }
-    };
-    mark(signals.iter().map(|s| s.speed > RUN_SPEED).collect(), 4, 5);
-    mark(signals.iter().map(|s| s.airborne).collect(), 2, 8);
-    mark(signals.iter().map(|s| s.pelvis.z < LOW_PELVIS).collect(), 3, 5);
-    mark(signals.iter().map(|s| s.lean > BENT_TRUNK).collect(), 3, 5);
-    mark(signals.iter().map(|s| s.busy_hands).collect(), 12, 5);
-    mark(signals.iter().map(|s| s.raised_hand).collect(), 5, 5);
+    for range in UNMATCHED.iter().flat_map(|unmatched| unmatched.stretches(signals)) {
+        labels[range].fill(ActionLabel::Other);
+    }
     // A scrap between two of them is part of them.
     let other: Vec<bool> = labels.iter().map(|&l| l == ActionLabel::Other).collect();
     for (first, end) in runs(&other, false) {
@@ -173,6 +194,28 @@ fn mark_other(labels: &mut [ActionLabel], signals: &[Signal]) {
             labels[first..end].fill(ActionLabel::Other);
         }
     }
+}
+
+/// What is done in the frames labelled [`ActionLabel::Other`], with how many of them, the most first. A frame in
+/// which two things are done counts for the first; what only lies between them is not counted.
+pub(crate) fn unmatched(motion: &Motion, segments: &[Segment]) -> Vec<(&'static str, usize)> {
+    let signals = signals(motion);
+    let mut open = vec![false; motion.len()];
+    for segment in segments.iter().filter(|s| s.label == ActionLabel::Other) {
+        open[segment.first..segment.end].fill(true);
+    }
+    let mut out = Vec::new();
+    for unmatched in &UNMATCHED {
+        let mut count = 0;
+        for frame in unmatched.stretches(&signals).into_iter().flatten() {
+            count += usize::from(std::mem::take(&mut open[frame]));
+        }
+        if count > 0 {
+            out.push((unmatched.what, count));
+        }
+    }
+    out.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+    out
 }
 
 /// Finds stretches of sitting; makes the sit before each, the seated idle, and the stand-up after.

@@ -11,13 +11,14 @@
 //! # fn main() -> oncue::Result<()> {
 //! // Of no file at all: what the starter library has. Files and folders of `.bvh` go in the list.
 //! let built = build(&[], &LibrarySettings { starter: StarterUse::Missing, ..LibrarySettings::default() }, &Progress::new())?;
-//! assert!(built.skipped.is_empty());
+//! assert!(built.captures.is_empty());
 //! let sits = built.library.summary().rows.iter().find(|row| row.label == ActionLabel::Sit).map(|row| row.segments);
 //! assert!(sits.is_some_and(|count| count > 10));
 //! # Ok(())
 //! # }
 //! ```
 
+pub(crate) mod body;
 pub(crate) mod build;
 pub(crate) mod calibration;
 pub(crate) mod clip;
@@ -26,6 +27,8 @@ pub(crate) mod database;
 pub(crate) mod feature;
 pub(crate) mod file;
 pub(crate) mod foot;
+mod frame_rate;
+mod gait;
 pub(crate) mod joint_names;
 pub(crate) mod label;
 pub(crate) mod mocap_file;
@@ -33,11 +36,17 @@ mod mocap_text;
 pub(crate) mod mocap_writer;
 pub(crate) mod quality;
 pub(crate) mod retarget;
+pub(crate) mod sampler;
 pub(crate) mod search;
 pub(crate) mod sidecar;
 pub mod starter;
+pub(crate) mod sufficiency;
+mod survey;
+mod take;
+pub(crate) mod up_axis;
+mod walk_on_the_spot;
 
-pub use build::{BuiltLibrary, LibrarySettings, Skipped, StarterUse, build};
+pub use build::{BuiltLibrary, Capture, LibrarySettings, StarterUse, build};
 pub use clip::{Clip, MotionLibrary, Segment, Source};
 pub use database::MotionDatabase;
 pub use feature::FeatureWeights;

@@ -6,9 +6,10 @@
 
 use glam::{Quat, Vec3};
 
-use super::calibration::{Calibration, Sampler};
+use super::calibration::Calibration;
 use super::foot;
 use super::mocap_file::MocapFile;
+use super::sampler::Sampler;
 use crate::math::curve::smoothstep;
 use crate::motion::skeleton::{JOINT_OFFSET, PARENT, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, Joint, Motion, Posture};

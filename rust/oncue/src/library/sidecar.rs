@@ -1,42 +1,21 @@
 //! What a person knows better than the detection: a small JSON file beside the motion capture.
 //!
-//! `NAME.oncue.json` beside `NAME.bvh`:
+//! `NAME.oncue.json` beside `NAME.bvh`, `oncue.json` for all files of a folder, or one that the settings name for all
+//! files. docs/captures.md describes them for who writes them.
 //!
-//! ```json
-//! {
-//!   "exclude": false,
-//!   "up": "z",
-//!   "mapping": {"LeftUpLeg": "thigh.l", "LeftLeg": "shin.l"},
-//!   "labels": [
-//!     {"label": "walk", "first": 0, "end": 120},
-//!     {"label": "stop", "first": 120, "end": 180, "complete": 165}
-//!   ]
-//! }
-//! ```
-//!
-//! Every field may be left out. Labels are `walk`, `idle`, `sit`, `seated_idle`, `stand_up`, `stop`, `other`;
-//! their frames are the file's own, from 0, `end` not included; `complete` is the frame in which the action is
-//! done (seated, risen, standing still) and is `end - 1` where it is left out. Frames that no range covers
-//! keep what was detected. `mapping` names joints: ours → the file's.
-//!
-//! One file for a whole folder is called `oncue.json`; it holds the same fields for all files, and those of
-//! single files under their names:
-//!
-//! ```json
-//! {"up": "z", "files": {"NAME.bvh": {"exclude": true}}}
-//! ```
-//!
-//! A file's own sidecar goes before the folder's entry for it, and that before the folder's common fields.
+//! A file's own goes before the folder's entry for it, that before the folder's common fields, and these before the
+//! settings' file.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::calibration::UpAxis;
 use super::clip::Segment;
 use super::joint_names::JointMapping;
+use super::up_axis::UpAxis;
 use crate::action::{ActionLabel, Completion};
+use crate::motion::Joint;
 
 /// The fields of `NAME.oncue.json`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -44,6 +23,8 @@ use crate::action::{ActionLabel, Completion};
 pub(crate) struct Sidecar {
     pub exclude: Option<bool>,
     pub up: Option<UpAxis>,
+    /// Frames a second of the capture.
+    pub rate: Option<f64>,
     pub mapping: Option<JointMapping>,
     pub labels: Vec<LabelRange>,
 }
@@ -59,45 +40,70 @@ pub(crate) struct LabelRange {
     pub complete: Option<usize>,
 }
 
-/// The fields of a folder's `oncue.json`. (serde cannot flatten and refuse unknown fields at once.)
+/// The fields of a folder's `oncue.json`, and of a mapping file for all files. (serde cannot flatten and refuse
+/// unknown fields at once.)
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-struct FolderSidecar {
+pub(crate) struct FolderSidecar {
     exclude: Option<bool>,
     up: Option<UpAxis>,
+    rate: Option<f64>,
     mapping: Option<JointMapping>,
     files: BTreeMap<String, Sidecar>,
 }
 
-/// What the sidecars say about a motion capture file. The error is a sentence.
-pub(crate) fn read(mocap: &Path) -> Result<Sidecar, String> {
-    let mut found = Sidecar::default();
-    let mut fill = |from: Sidecar| {
-        found.exclude = found.exclude.or(from.exclude);
-        found.up = found.up.or(from.up);
-        if found.mapping.is_none() {
-            found.mapping = from.mapping;
+impl Sidecar {
+    /// Takes from another what this one does not say.
+    fn fill(&mut self, from: Sidecar) {
+        self.exclude = self.exclude.or(from.exclude);
+        self.up = self.up.or(from.up);
+        self.rate = self.rate.or(from.rate);
+        if self.mapping.is_none() {
+            self.mapping = from.mapping;
         }
-        if found.labels.is_empty() {
-            found.labels = from.labels;
+        if self.labels.is_empty() {
+            self.labels = from.labels;
         }
-    };
-    if let Some(own) = read_json::<Sidecar>(&mocap.with_extension("oncue.json"))? {
-        fill(own);
     }
-    if let Some(folder) = read_json::<FolderSidecar>(&mocap.with_file_name("oncue.json"))? {
+
+    fn fill_from_folder(&mut self, folder: &FolderSidecar, mocap: &Path) {
         let name = mocap.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         if let Some(own) = folder.files.get(&name) {
-            fill(own.clone());
+            self.fill(own.clone());
         }
-        fill(Sidecar { exclude: folder.exclude, up: folder.up, mapping: folder.mapping, labels: Vec::new() });
+        self.fill(Sidecar {
+            exclude: folder.exclude,
+            up: folder.up,
+            rate: folder.rate,
+            mapping: folder.mapping.clone(),
+            labels: Vec::new(),
+        });
     }
+}
+
+/// What the mapping files say about a motion capture file, `common` last. The error is a sentence.
+pub(crate) fn read(mocap: &Path, common: &FolderSidecar) -> Result<Sidecar, String> {
+    let mut found = Sidecar::default();
+    if let Some(own) = read_json::<Sidecar>(&mocap.with_extension("oncue.json"))? {
+        found.fill(own);
+    }
+    if let Some(folder) = read_json::<FolderSidecar>(&mocap.with_file_name("oncue.json"))? {
+        found.fill_from_folder(&folder, mocap);
+    }
+    found.fill_from_folder(common, mocap);
     Ok(found)
 }
 
-/// Reads a mapping file: `{"LeftUpLeg": "thigh.l", …}`. The error is a sentence.
-pub(crate) fn read_mapping(path: &Path) -> Result<JointMapping, String> {
-    read_json(path)?.ok_or_else(|| format!("The mapping file {} does not exist.", path.display()))
+/// Reads a mapping file for all files: the fields of a folder's `oncue.json`, or nothing but joints,
+/// `{"LeftUpLeg": "thigh.l", …}`. The error is a sentence.
+pub(crate) fn read_common(path: &Path) -> Result<FolderSidecar, String> {
+    let gone = || format!("The mapping file {} does not exist.", path.display());
+    let only_joints = |name: &String| Joint::ALL.iter().any(|j| j.name().eq_ignore_ascii_case(name.trim()));
+    let all: BTreeMap<String, serde_json::Value> = read_json(path)?.ok_or_else(gone)?;
+    if !all.is_empty() && all.keys().all(only_joints) {
+        return Ok(FolderSidecar { mapping: read_json(path)?, ..FolderSidecar::default() });
+    }
+    read_json(path)?.ok_or_else(gone)
 }
 
 fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<Option<T>, String> {
@@ -171,21 +177,34 @@ mod tests {
     fn sidecars_are_read_in_order() {
         let dir = std::env::temp_dir().join(format!("oncue-sidecar-{}", std::process::id()));
         std::fs::create_dir_all(&dir).unwrap();
-        let file = dir.join("a.bvh");
-        assert_eq!(read(&file).unwrap(), Sidecar::default());
+        let (file, none) = (dir.join("a.bvh"), FolderSidecar::default());
+        assert_eq!(read(&file, &none).unwrap(), Sidecar::default());
         std::fs::write(dir.join("oncue.json"), r#"{"up": "z", "files": {"a.bvh": {"exclude": true}}}"#)
             .unwrap();
-        let both = read(&file).unwrap();
+        let both = read(&file, &none).unwrap();
         assert_eq!((both.exclude, both.up), (Some(true), Some(UpAxis::Z)));
         std::fs::write(
             dir.join("a.oncue.json"),
             r#"{"exclude": false, "labels": [{"label": "walk", "first": 0, "end": 9}]}"#,
         )
         .unwrap();
-        let own = read(&file).unwrap();
+        let own = read(&file, &none).unwrap();
         assert_eq!((own.exclude, own.up, own.labels.len()), (Some(false), Some(UpAxis::Z), 1));
         std::fs::write(dir.join("a.oncue.json"), r#"{"lables": []}"#).unwrap();
-        assert!(read(&file).unwrap_err().contains("a.oncue.json was not understood"));
+        assert!(read(&file, &none).unwrap_err().contains("a.oncue.json was not understood"));
+        // One for all files goes last, and may hold joints alone.
+        std::fs::remove_file(dir.join("a.oncue.json")).unwrap();
+        let common = dir.join("common.json");
+        std::fs::write(&common, r#"{"up": "-x", "rate": 120, "files": {"a.bvh": {"exclude": false}}}"#)
+            .unwrap();
+        let all = read(&file, &read_common(&common).unwrap()).unwrap();
+        assert_eq!((all.exclude, all.up, all.rate), (Some(true), Some(UpAxis::Z), Some(120.0)));
+        std::fs::write(&common, r#"{"LeftUpLeg": "thigh.l"}"#).unwrap();
+        let joints = read(&file, &read_common(&common).unwrap()).unwrap().mapping.unwrap();
+        assert_eq!(joints["LeftUpLeg"], "thigh.l");
+        std::fs::write(&common, r#"{"LeftUpperLeg": "thigh.l"}"#).unwrap();
+        assert!(read_common(&common).unwrap_err().contains("LeftUpperLeg"));
+        assert!(read_common(&dir.join("gone.json")).unwrap_err().contains("does not exist"));
         std::fs::remove_dir_all(&dir).unwrap();
     }
 }
