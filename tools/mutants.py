@@ -256,13 +256,13 @@ def run_break(made: Break) -> bool:
     path = TREE / SOURCE / made.file
     sound = path.read_text()
     # The code alone: what a module's own tests say of it stays.
-    code, marker, tests = sound.partition("#[cfg(test)]\nmod tests {")
+    code, marker, own_tests = sound.partition("#[cfg(test)]\nmod tests {")
     if made.old not in code:
         sys.exit(f"‘{made.name}’: {made.file} does not say “{made.old}” any more.")
     command = ["cargo", "test", "--locked", "--package", "oncue", "--profile", PROFILE]
     tests = next(tests for files, tests in GROUPS.items() if Path(made.file).match(files))
     try:
-        path.write_text(code.replace(made.old, made.new) + marker + tests)
+        path.write_text(code.replace(made.old, made.new) + marker + own_tests)
         build = [*command, "--lib", "--no-run"]
         if subprocess.run(build, cwd=TREE, env=environment(), capture_output=True, check=False).returncode:
             sys.exit(f"‘{made.name}’ does not compile.")
