@@ -165,6 +165,8 @@ def main() -> None:
 
 def copy_tree() -> None:
     """The repository's files in `TREE`; what has not changed keeps its time, so that little is compiled."""
+    # A compiler that was stopped in a run before leaves parts there that link no more.
+    shutil.rmtree(FOLDER / "target" / PROFILE / "incremental", ignore_errors=True)
     listed = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z", "Cargo.toml", "Cargo.lock", "rust"]
     names = subprocess.run(listed, cwd=ROOT, capture_output=True, check=True, text=True).stdout.split("\0")
     wanted = {name for name in names if name and (ROOT / name).is_file()}
