@@ -149,9 +149,15 @@ def main() -> None:
     copy_tree()
     every = list_mutants(arguments.tool)
     drawn = random.Random(arguments.seed).sample(every, min(arguments.sample, len(every)))[first::step]
-    outcomes = run_mutants(arguments.tool, drawn)
-    breaks = {} if arguments.no_breaks else {made.name: run_break(made) for made in BREAKS}
-    text = summary(len(every), arguments, outcomes, breaks)
+    outcomes: dict[str, list[str]] = {"CaughtMutant": [], "MissedMutant": [], "Unviable": [], "Timeout": []}
+    breaks: dict[str, bool] = {}
+    try:
+        for made in [] if arguments.no_breaks else BREAKS:
+            breaks[made.name] = run_break(made)
+        run_mutants(arguments.tool, drawn, outcomes)
+    except KeyboardInterrupt:
+        print("Stopped; what was tested until now is reported.")
+    text = summary(len(every), len(drawn), arguments, outcomes, breaks)
     print(text)
     if not arguments.no_report:
         REPORT.write_text(text)
@@ -159,6 +165,8 @@ def main() -> None:
 
 def copy_tree() -> None:
     """The repository's files in `TREE`; what has not changed keeps its time, so that little is compiled."""
+    # A compiler that was stopped in a run before leaves parts there that link no more.
+    shutil.rmtree(FOLDER / "target" / PROFILE / "incremental", ignore_errors=True)
     listed = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z", "Cargo.toml", "Cargo.lock", "rust"]
     names = subprocess.run(listed, cwd=ROOT, capture_output=True, check=True, text=True).stdout.split("\0")
     wanted = {name for name in names if name and (ROOT / name).is_file()}
@@ -188,16 +196,14 @@ def list_mutants(tool: Path) -> list[dict[str, Any]]:
     return mutants
 
 
-def run_mutants(tool: Path, drawn: list[dict[str, Any]]) -> dict[str, list[str]]:
-    """Names of the drawn mutants by what became of them."""
-    outcomes: dict[str, list[str]] = {"CaughtMutant": [], "MissedMutant": [], "Unviable": [], "Timeout": []}
+def run_mutants(tool: Path, drawn: list[dict[str, Any]], outcomes: dict[str, list[str]]) -> None:
+    """Adds the names of the drawn mutants to `outcomes`, by what became of them."""
     for files, tests in GROUPS.items():
         if of_group := [mutant for mutant in drawn if Path(mutant["file"]).match(f"{SOURCE}/{files}")]:
             run_group(tool, files, tests, of_group, outcomes)
     tested = sum(map(len, outcomes.values()))
     if tested != len(drawn):
         sys.exit(f"{tested} mutants were tested, {len(drawn)} were drawn.")
-    return outcomes
 
 
 def run_group(
@@ -214,7 +220,14 @@ def run_group(
     diff = FOLDER / "drawn.diff"
     diff.write_text(diff_of_lines(drawn))
     command += ["--in-diff", str(diff)]
-    subprocess.run([*command, "--", *test_arguments(tests)], cwd=TREE, env=environment(), check=False)
+    try:
+        subprocess.run([*command, "--", *test_arguments(tests)], cwd=TREE, env=environment(), check=False)
+    finally:
+        read_outcomes(outcomes)
+
+
+def read_outcomes(outcomes: dict[str, list[str]]) -> None:
+    """Adds what cargo-mutants says of its last run."""
     for outcome in json.loads((FOLDER / "mutants.out" / "outcomes.json").read_text())["outcomes"]:
         if outcome["scenario"] == "Baseline":
             if outcome["summary"] != "Success":
@@ -245,13 +258,13 @@ def run_break(made: Break) -> bool:
     path = TREE / SOURCE / made.file
     sound = path.read_text()
     # The code alone: what a module's own tests say of it stays.
-    code, marker, tests = sound.partition("#[cfg(test)]\nmod tests {")
+    code, marker, own_tests = sound.partition("#[cfg(test)]\nmod tests {")
     if made.old not in code:
         sys.exit(f"‘{made.name}’: {made.file} does not say “{made.old}” any more.")
     command = ["cargo", "test", "--locked", "--package", "oncue", "--profile", PROFILE]
     tests = next(tests for files, tests in GROUPS.items() if Path(made.file).match(files))
     try:
-        path.write_text(code.replace(made.old, made.new) + marker + tests)
+        path.write_text(code.replace(made.old, made.new) + marker + own_tests)
         build = [*command, "--lib", "--no-run"]
         if subprocess.run(build, cwd=TREE, env=environment(), capture_output=True, check=False).returncode:
             sys.exit(f"‘{made.name}’ does not compile.")
@@ -274,7 +287,9 @@ def run_break(made: Break) -> bool:
         path.write_text(sound)
 
 
-def summary(total: int, arguments: argparse.Namespace, outcomes: dict[str, list[str]], breaks: dict[str, bool]) -> str:
+def summary(
+    total: int, drawn: int, arguments: argparse.Namespace, outcomes: dict[str, list[str]], breaks: dict[str, bool]
+) -> str:
     """docs/mutants.md."""
     counts = {kind: len(names) for kind, names in outcomes.items()}
     caught = counts["CaughtMutant"] + counts["Timeout"]
@@ -288,8 +303,8 @@ def summary(total: int, arguments: argparse.Namespace, outcomes: dict[str, list[
         "notice more; they are too slow to be asked each time.",
         "",
         f"Of {total} mutants that cargo-mutants makes of {', '.join(f'`{files}`' for files in GROUPS)}, "
-        f"{viable + counts['Unviable']} were drawn with seed {arguments.seed}"
-        + (f" (shard {arguments.shard})" if arguments.shard != "0/1" else "")
+        f"{arguments.sample} were drawn with seed {arguments.seed}, and {viable + counts['Unviable']} of them tested"
+        + (f" (shard {arguments.shard}, of {drawn})" if arguments.shard != "0/1" else "")
         + ":",
         "",
         "| caught | of these by a test that never ends | missed | do not compile | share of those that compile |",
