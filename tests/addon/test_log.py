@@ -60,7 +60,8 @@ def test_a_refusal_and_a_bug_are_in_the_log(oncue, fixtures, choose, core, tmp_p
     assert "Traceback" in text
     # The traceback, then what the artist is told.
     traceback, _, told = text.partition("ZeroDivisionError: division by zero\n")
-    assert traceback and "Synthesizing ended by an error of Oncue's own (ZeroDivisionError: division by zero)." in told
+    assert traceback
+    assert "Synthesizing ended by an error of Oncue's own (ZeroDivisionError: division by zero)." in told
 
 
 def test_the_extension_goes_and_comes_with_its_log(oncue, choose, tmp_path):

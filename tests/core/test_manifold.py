@@ -115,7 +115,7 @@ def test_unknown_settings_are_refused_at_once(library, settings, sentence):
 
 
 def test_impossible_settings_are_refused(library):
-    with pytest.raises(InputError, match="manifold.batch is 40; it must be a multiple of 16"):
+    with pytest.raises(InputError, match=r"manifold\.batch is 40; it must be a multiple of 16"):
         oncue_core.train_manifold(library, {"batch": 40}).result()
     empty, _ = oncue_core.build_library([], {"starter": "none"}).result()
     with pytest.raises(InputError, match="at least three of 40 frames, and this library has 0"):
