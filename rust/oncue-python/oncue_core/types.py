@@ -141,24 +141,9 @@ class FootFigures(TypedDict):
     sink_cm: float
 
 
-#: A part of the body, as the figures of a report name it.
-BodyPart: TypeAlias = Literal[
-    "head",
-    "pelvis",
-    "trunk",
-    "left_upper_arm",
-    "right_upper_arm",
-    "left_forearm",
-    "right_forearm",
-    "left_hand",
-    "right_hand",
-    "left_thigh",
-    "right_thigh",
-    "left_shin",
-    "right_shin",
-    "left_foot",
-    "right_foot",
-]
+#: A part of the body, as the figures of a report name it: "head", "pelvis", "trunk", and "left_" or "right_" with
+#: "upper_arm", "forearm", "hand", "thigh", "shin" or "foot".
+BodyPart: TypeAlias = str
 
 
 class OwnTouch(TypedDict):
