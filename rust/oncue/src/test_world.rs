@@ -3,6 +3,11 @@
 //!
 //! Walking here is gliding: the root moves evenly and the feet with it, a few centimetres a frame.
 
+// Shared with the integration tests, which are crates of their own.
+#[path = "../tests/common/boxes.rs"]
+#[allow(unreachable_pub)]
+mod boxes;
+
 use std::sync::OnceLock;
 
 use glam::{Quat, Vec2, Vec3};
@@ -42,19 +47,8 @@ pub(crate) const HALF_FLOOR: f32 = 3.0;
 pub(crate) type Boxes = [([f32; 3], [f32; 3])];
 
 /// The scene of some boxes and nothing else.
-pub(crate) fn scene(boxes: &Boxes) -> SceneIndex {
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for (low, high) in boxes {
-        let base = positions.len() as u32;
-        for corner in 0..8 {
-            let pick = |axis: usize| if corner >> axis & 1 == 0 { low[axis] } else { high[axis] };
-            positions.push(Vec3::new(pick(0), pick(1), pick(2)));
-        }
-        for q in [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]] {
-            triangles.push([base + q[0], base + q[1], base + q[2]]);
-            triangles.push([base + q[0], base + q[2], base + q[3]]);
-        }
-    }
+pub(crate) fn scene(list: &Boxes) -> SceneIndex {
+    let (positions, triangles) = boxes::boxes(list);
     SceneIndex::build(&positions, &triangles, &Settings::default().scene, &Progress::new()).expect("a scene")
 }
 

@@ -59,7 +59,14 @@ fn with(settings: &Settings, path: &str, hostile: Value) -> Result<Settings, ser
     serde_json::from_value(tree)
 }
 
-/// Stops before a table's edge or sits on it, and does so through everything: library, scene, policy, editor.
+/// From one place on the floor to a cue.
+fn task(action_type: ActionType, position: Vec3, yaw: f32) -> Task {
+    let start = InitialState { name: "Start".into(), position: Vec3::new(0.0, -1.0, 0.0), yaw: 3.0 };
+    let cue = ActionCue { name: "Cue".into(), action_type, position, yaw, feet: [None; 2] };
+    Task { start, cue, manipulations: Vec::new() }
+}
+
+/// Sits on a bench, through everything that has settings: library, scene, policy, editor.
 fn run(
     library: &MotionLibrary,
     usual: &MotionDatabase,
@@ -74,17 +81,7 @@ fn run(
     let built =
         other.then(|| MotionDatabase::build(library, &settings.synthesizer.weights, progress)).transpose()?;
     let database = built.as_ref().unwrap_or(usual);
-    let task = Task {
-        start: InitialState { name: "Start".into(), position: Vec3::new(0.0, -1.0, 0.0), yaw: 3.0 },
-        cue: ActionCue {
-            name: "Cue".into(),
-            action_type: ActionType::Sit,
-            position: Vec3::new(0.0, 1.2, 0.55),
-            yaw: 0.0,
-            feet: [None; 2],
-        },
-        manipulations: Vec::new(),
-    };
+    let task = task(ActionType::Sit, Vec3::new(0.0, 1.2, 0.55), 0.0);
     synthesize(&scene, database, &task, None, settings, 1, progress).map(|_| ())
 }
 
@@ -173,17 +170,7 @@ fn settings_that_would_not_be_used_are_refused() {
     let scene = SceneIndex::build(&positions, &triangles, &usual.scene, &Progress::new()).expect("a room");
     let database =
         MotionDatabase::build(&library, &usual.synthesizer.weights, &Progress::new()).expect("a database");
-    let task = Task {
-        start: InitialState { name: "Start".into(), position: Vec3::new(0.0, -1.0, 0.0), yaw: 3.0 },
-        cue: ActionCue {
-            name: "Cue".into(),
-            action_type: ActionType::Stop,
-            position: Vec3::new(0.0, 1.0, 0.0),
-            yaw: 3.0,
-            feet: [None; 2],
-        },
-        manipulations: Vec::new(),
-    };
+    let task = task(ActionType::Stop, Vec3::new(0.0, 1.0, 0.0), 3.0);
     let said = |settings: &Settings| {
         synthesize(&scene, &database, &task, None, settings, 1, &Progress::new())
             .expect_err("refused")

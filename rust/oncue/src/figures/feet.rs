@@ -6,6 +6,7 @@ use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use super::percent;
+use crate::library::contact::runs;
 use crate::library::foot::sole;
 use crate::math::rotation::wrap_angle;
 use crate::motion::{FRAME_RATE, Pose};
@@ -165,12 +166,14 @@ impl Tally {
                     Sole { points, heights: points.map(|point| point.z - ground(point)) }
                 })
                 .collect();
-            for stance in runs(soles.len(), |frame| soles[frame].is_flat()) {
+            let flat: Vec<bool> = soles.iter().map(Sole::is_flat).collect();
+            for stance in runs(&flat, true).into_iter().map(|(first, end)| first..end) {
                 if stance.len() >= SHORTEST_FLAT {
                     self.stand(&soles, side, stance);
                 }
             }
-            for swing in runs(soles.len(), |frame| !is_carried(&soles, frame)) {
+            let carried: Vec<bool> = (0..soles.len()).map(|frame| is_carried(&soles, frame)).collect();
+            for swing in runs(&carried, false).into_iter().map(|(first, end)| first..end) {
                 let Some(after) = poses.get(swing.end) else { continue };
                 let is_whole = swing.start > 0 && swing.len() >= SHORTEST_SWING;
                 if is_whole && walks(&poses[swing.start], after, swing.len()) {
@@ -265,18 +268,6 @@ fn step(soles: &[Sole], swing: Range<usize>) -> Step {
         toe_clearance: clearance,
         heel_up: soles[leaving].iter().map(|sole| -sole.slope()).fold(f32::NEG_INFINITY, f32::max),
     }
-}
-
-/// The longest runs of frames of which something holds.
-fn runs(count: usize, holds: impl Fn(usize) -> bool) -> Vec<Range<usize>> {
-    let mut out: Vec<Range<usize>> = Vec::new();
-    for frame in (0..count).filter(|&frame| holds(frame)) {
-        match out.last_mut() {
-            Some(run) if run.end == frame => run.end += 1,
-            _ => out.push(frame..frame + 1),
-        }
-    }
-    out
 }
 
 #[cfg(test)]

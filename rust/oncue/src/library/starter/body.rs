@@ -14,6 +14,7 @@ use super::foot::{FootSample, FootTrack};
 use super::limb::{self, LEG_REACH};
 use super::plan::{Foothold, Plan};
 use super::seat::{self, SeatState};
+use crate::library::foot::LEGS;
 use crate::math::planar::rotate;
 use crate::motion::skeleton::{JOINT_COUNT, JOINT_OFFSET, LEG_LENGTH, SEATED_HIPS_HEIGHT, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, FootContact, Joint, Motion, Posture};
@@ -390,10 +391,6 @@ fn flat_hand(sign: f32, thigh: Quat) -> Quat {
     Quat::from_mat3(&glam::Mat3::from_cols(x, y, x.cross(y)))
 }
 
-const LEGS: [[Joint; 4]; 2] = [
-    [Joint::LeftUpLeg, Joint::LeftLeg, Joint::LeftFoot, Joint::LeftToe],
-    [Joint::RightUpLeg, Joint::RightLeg, Joint::RightFoot, Joint::RightToe],
-];
 const ARMS: [[Joint; 4]; 2] = [
     [Joint::LeftShoulder, Joint::LeftArm, Joint::LeftForeArm, Joint::LeftHand],
     [Joint::RightShoulder, Joint::RightArm, Joint::RightForeArm, Joint::RightHand],
