@@ -18,6 +18,7 @@ import numpy as np
 from . import native
 from .native import core
 from .pipeline import (
+    all_met,
     LibraryCache,
     Outcome,
     Request,
@@ -227,7 +228,8 @@ class Follower:
                 self.delay = self._clock() - since
             # Of a few rollouts none may meet the cue where one of many does.
             told = [in_scene_frames(said, request.start_frame, request.scene_rate) for said in report["problems"][:1]]
-            self.line = " ".join([MISSED, *told]) if at_rest and not report["success"] else ""
+            missed = [] if all_met(report) else [MISSED]
+            self.line = " ".join([*missed, *told]) if at_rest else ""
 
         self._start(play_steps(world, request, overrides), done, at_rest=since is None)
 

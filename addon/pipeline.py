@@ -136,9 +136,15 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
         synthesis = yield from finish(
             core.synthesize(scene, library, request.task, settings, request.seed, kept, manifold)
         )
-    if policies and synthesis.report["updates"] and synthesis.report["success"]:
+    # Of use for the next task wherever the cue is met, whatever else there is to say of the motion.
+    if policies and synthesis.report["updates"] and all_met(synthesis.report):
         policies.keep(scene, library, synthesis.policy)
     return Outcome(synthesis, seconds, skipped)
+
+
+def all_met(report: core.Report) -> bool:
+    """Whether every cue was met; there is none where the action was not completed."""
+    return bool(report["cues"]) and all(cue["met"] for cue in report["cues"])
 
 
 def _log_request(request: Request) -> None:

@@ -52,6 +52,7 @@
 #![warn(missing_docs, unreachable_pub)]
 
 pub mod action;
+mod anatomy;
 mod body_solver;
 pub mod controller;
 pub mod cue;

@@ -39,7 +39,8 @@ pub struct Report {
     pub library_checksum: String,
     /// Every setting that was used.
     pub settings: Settings,
-    /// Every cue was met and nothing ended early.
+    /// Every cue was met, nothing ended early, and no limb is in the body or the scene for more than a brief touch
+    /// (`settings.report`).
     pub success: bool,
     /// In words what went wrong; empty when nothing did.
     pub problems: Vec<String>,

@@ -104,6 +104,9 @@ pub fn synthesize_along(
 
     let mut problems = problems(kept.end, &cues, scene, task);
     problems.extend(edited.iter().flat_map(|e| e.problems.clone()));
+    if kept.end == EpisodeEnd::Complete {
+        problems.extend(body.problems(&settings.report));
+    }
     let report = Report {
         report_version: REPORT_VERSION,
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -338,7 +341,7 @@ mod tests {
         world.settings.ppo.updates = 0;
         let policy = world.stored();
         let (mut before_was_better, mut after_was_better) = (0, 0);
-        for seed in 0..8 {
+        for seed in 0..24 {
             let played = |seed: u64| {
                 keep_motion(&world.environment(), &policy.policy, seed, &Progress::new())
                     .expect("played")

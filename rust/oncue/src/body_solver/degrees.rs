@@ -116,6 +116,19 @@ impl DegreesOfFreedom {
         Self { parts, count, limited: true }
     }
 
+    /// Shoulders and elbows alone.
+    pub(crate) fn arms() -> Self {
+        use Joint::*;
+        let parts: Vec<Part> = vec![
+            Part::Ball(LeftArm),
+            Part::Hinge(LeftForeArm),
+            Part::Ball(RightArm),
+            Part::Hinge(RightForeArm),
+        ];
+        let count = parts.iter().map(|p| p.size()).sum();
+        Self { parts, count, limited: true }
+    }
+
     /// The plain solver of the ablation: one arm (or both) and the spine above a pelvis that stays, without limits.
     pub(crate) fn arm_and_spine(joints: &[Joint]) -> Self {
         use Joint::*;

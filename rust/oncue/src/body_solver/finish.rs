@@ -7,8 +7,7 @@
 
 use super::banded::BandedMatrix;
 use super::degrees::{BasePosture, DegreesOfFreedom};
-use super::term::{Term, rows};
-use super::touch::Surfaces;
+use super::term::{FoundTerms, Term, rows};
 use crate::error::Result;
 use crate::motion::Posture;
 use crate::progress::Progress;
@@ -43,8 +42,8 @@ pub(crate) struct Span<'a> {
     pub degrees: &'a DegreesOfFreedom,
     /// For each frame.
     pub terms: &'a [Vec<Term>],
-    /// What thighs and back of a seated body are kept out of, looked for anew at each step.
-    pub surfaces: Option<Surfaces<'a>>,
+    /// What the body runs into, looked for anew at each step.
+    pub found: Option<&'a dyn FoundTerms>,
     /// Frames over which a correction fades; [`FADE_FRAMES`], or 0 for each frame by itself.
     pub spread: f64,
 }
@@ -62,10 +61,10 @@ pub(crate) fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> 
     let mut terms = span.terms.to_vec();
     for step in 0..MOST_STEPS {
         progress.check()?;
-        if let Some(surfaces) = span.surfaces {
+        if let Some(found) = span.found {
             for (f, list) in terms.iter_mut().enumerate() {
                 list.truncate(span.terms[f].len());
-                surfaces.terms(&span.degrees.corrected(&ready[f], &x[f * n..(f + 1) * n]).pose(), list);
+                found.terms(f, &span.degrees.corrected(&ready[f], &x[f * n..(f + 1) * n]).pose(), list);
             }
         }
         if step == 0 {
@@ -318,7 +317,7 @@ mod tests {
                 Term::Plane { joint: Joint::LeftFoot, offset: Vec3::ZERO, normal: Vec3::Z, least: 1.2, sigma: 0.1 },
                 Term::Balance { target: Vec2::new(0.2, 0.1), sigma: 0.2, most: 9.0 },
             ]; 3];
-            let span = Span { postures: &postures, joins: [true, false], degrees: &degrees, terms: &terms, surfaces: None, spread: 1.5 };
+            let span = Span { postures: &postures, joins: [true, false], degrees: &degrees, terms: &terms, found: None, spread: 1.5 };
             let ready: Vec<BasePosture> = postures.iter().map(|p| degrees.frame(p)).collect();
             let mut system = System::new(&span);
             let x: Vec<f64> = (0..3 * degrees.count()).map(|i| x[i % x.len()]).collect();
@@ -355,7 +354,7 @@ mod tests {
             joins: [true; 2],
             degrees: &degrees,
             terms: &terms,
-            surfaces: None,
+            found: None,
             spread: FADE_FRAMES,
         };
         let out = correct(&span, &Progress::new()).expect("a correction");

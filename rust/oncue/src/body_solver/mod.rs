@@ -13,5 +13,5 @@ mod touch;
 pub(crate) use degrees::DegreesOfFreedom;
 pub(crate) use feet::{FootPlaces, FootPlan, is_supported};
 pub(crate) use finish::{FADE_FRAMES, Span, correct};
-pub(crate) use term::{Term, centre_of_mass};
+pub(crate) use term::{FoundTerms, Term, centre_of_mass};
 pub(crate) use touch::Surfaces;

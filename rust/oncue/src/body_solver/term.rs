@@ -26,6 +26,12 @@ pub(crate) enum Term {
     Local { joint: Joint, target: Quat, sigma: f32 },
 }
 
+/// Terms that follow from where the body is.
+pub(crate) trait FoundTerms {
+    /// Adds those of a frame of the span, in which the body is at `pose`.
+    fn terms(&self, frame: usize, pose: &Pose, out: &mut Vec<Term>);
+}
+
 /// Share of the body's weight that hangs on each joint (after Winter, Biomechanics and Motor Control of Human Movement,
 /// table 4.1; a segment's share is given to the joint nearest its middle).
 const WEIGHT_SHARES: [(Joint, f32); 11] = [

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::feet::is_supported;
-use super::term::Term;
+use super::term::{FoundTerms, Term};
 use crate::library::foot::LEGS;
 use crate::motion::skeleton::LEG_LENGTH;
 use crate::motion::{Joint, Pose, Posture};
@@ -29,9 +29,9 @@ pub(crate) struct Surfaces<'a> {
     pub floor: f32,
 }
 
-impl Surfaces<'_> {
-    /// Keeps thighs and back of a seated body out of what carries them.
-    pub(crate) fn terms(&self, pose: &Pose, out: &mut Vec<Term>) {
+/// Keeps thighs and back of a seated body out of what carries them.
+impl FoundTerms for Surfaces<'_> {
+    fn terms(&self, _frame: usize, pose: &Pose, out: &mut Vec<Term>) {
         if !is_supported(pose, self.floor) {
             return;
         }
@@ -56,7 +56,9 @@ impl Surfaces<'_> {
             }
         }
     }
+}
 
+impl Surfaces<'_> {
     /// How deep a thigh is in the seat, metres.
     pub(crate) fn thigh_depth(&self, pose: &Pose, side: usize) -> f32 {
         let depth = |(_, point): (Vec3, Vec3)| self.under(point).map_or(0.0, |surface| surface - point.z);

@@ -13,8 +13,10 @@ use super::reward::{
 };
 use super::state::{Observation, observe};
 use crate::action::ActionType;
+use crate::anatomy::own_depth;
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
+use crate::math::capsule::Capsule;
 use crate::math::rotation::wrap_angle;
 use crate::metrics::{ContactError, is_met, is_penetrating};
 use crate::motion::speed::accelerations;
@@ -23,6 +25,18 @@ use crate::synthesizer::{Character, PostureOffset};
 
 /// Frames before the end of a sit or stop at which the posture offset is gone; it begins to fade twice as early.
 const OFFSET_FADE: f32 = 15.0;
+
+/// A limb that is deeper in the own body can be seen to be, metres.
+const DEEP: f32 = 0.01;
+/// The space that an arm takes as it swings beside a walking body: an upright capsule so far aside of the root, so thick and
+/// between such heights over the floor, metres. It reaches 40 cm to the side.
+const ARM_ASIDE: f32 = 0.22;
+const ARM_SPACE: f32 = 0.18;
+const ARM_HEIGHTS: (f32, f32) = (0.75, 1.35);
+/// Where something reaches so far into this space the arm is wanted elsewhere: beside a wall at 30 cm. Metres.
+const TIGHT: f32 = 0.10;
+/// How far ahead of the body it is looked for, seconds.
+const AHEAD: [f32; 4] = [0.0, 0.33, 0.67, 1.0];
 
 /// How an episode ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,6 +86,10 @@ pub struct Tally {
     pub travelled: f32,
     /// Squared radians of posture offset, summed.
     pub offset: f32,
+    /// Frames in which a limb is deeper than [`DEEP`] in the own body, beyond what flesh gives.
+    pub in_own_body: usize,
+    /// How deep the deepest limb is in the own body, summed over the frames, metres.
+    pub own_depth: f32,
     /// Pelvis to the cue at the end, metres, and facing, radians.
     pub residual: f32,
     /// The facing away from the cue's at the end, radians.
@@ -211,6 +229,8 @@ impl Environment<'_> {
         let mut means = Means::default();
         let mut frames = 0;
         let mut end = None;
+        let everywhere = settings.synthesizer.offset_everywhere;
+        let mut tightness = if everywhere { [1.0; 2] } else { [0.0; 2] };
         while end.is_none() {
             if !action && frames >= settings.synthesizer.search_every {
                 break;
@@ -226,7 +246,15 @@ impl Environment<'_> {
             } else {
                 1.0
             };
-            end = self.frame(episode, &offset.map(|v| v * fade), action, &mut means);
+            if !everywhere
+                && frames % settings.synthesizer.search_every == 0
+                && *offset != PostureOffset::default()
+            {
+                tightness = self.tightness(&episode.character);
+            }
+            // Where an arm has room it hangs and swings as people's do.
+            let offset = std::array::from_fn(|joint| offset[joint] * (fade * tightness[joint / 2]));
+            end = self.frame(episode, &offset, action, &mut means);
             frames += 1;
         }
         means.finish(frames);
@@ -261,6 +289,9 @@ impl Environment<'_> {
         tally.frames += 1;
         tally.travelled += step;
         tally.offset += character.offset_distance;
+        let own_depth = own_depth(&character.pose);
+        tally.in_own_body += usize::from(own_depth > DEEP);
+        tally.own_depth += own_depth;
         tally.hurry += character.leg_speed - 1.0;
         tally.worst_hurry = tally.worst_hurry.max(character.leg_speed - 1.0);
         let jolt = self.jolt([&earlier, &character.before.positions, &character.pose.positions]);
@@ -325,18 +356,25 @@ impl Environment<'_> {
         }
     }
 
-    /// How narrow the way is here and where the next second leads at this velocity: 0 from the scene's `free_clearance`
-    /// on, 1 from `narrow_clearance` down.
-    pub fn narrowness(&self, episode: &Episode) -> f32 {
-        let (grid, settings) = (self.scene.occupancy(), self.scene.settings());
-        let here = episode.character.planar;
-        let velocity = here.direction_to_world(episode.character.velocity());
-        let room = [0.0, 0.33, 0.67, 1.0]
-            .map(|seconds| grid.clearance(here.position + velocity * seconds))
-            .into_iter()
-            .fold(f32::INFINITY, f32::min);
-        let (narrow, free) = (settings.narrow_clearance, settings.free_clearance);
-        ((free - room) / (free - narrow)).clamp(0.0, 1.0)
+    /// How tight it is beside the left and the right arm, here and where the next second leads at this velocity: 0 where an arm
+    /// may swing, 1 where something is within 30 cm of the body's middle.
+    pub fn tightness(&self, character: &Character) -> [f32; 2] {
+        let (here, floor) = (character.planar, character.floor);
+        let velocity = here.direction_to_world(character.velocity());
+        [ARM_ASIDE, -ARM_ASIDE].map(|aside| {
+            let aside = here.direction_to_world(Vec2::new(aside, 0.0));
+            let deepest = AHEAD
+                .iter()
+                .filter_map(|seconds| {
+                    let place = here.position + velocity * *seconds + aside;
+                    let ends = [ARM_HEIGHTS.0, ARM_HEIGHTS.1].map(|height| place.extend(floor + height));
+                    let space = Capsule { ends, radii: [ARM_SPACE; 2] };
+                    self.scene.depth_of(&space, floor + self.settings.reward.ignore_below)
+                })
+                .map(|contact| contact.depth)
+                .fold(0.0, f32::max);
+            (deepest / TIGHT).min(1.0)
+        })
     }
 
     /// Nothing that an artist would mind: the cue met, no limb in the scene, no detour.
@@ -553,9 +591,9 @@ mod tests {
         let mut state = vec![0.0; environment.state_size()];
         let observation = environment.observe(&episode, &mut state);
         let mut draw = decide(&world.settings, ActionType::Sit, [0.0; 3]);
-        // The left elbow is asked for half a radian.
-        let elbow = world.settings.signal.future_size() + 3;
-        draw.vector[elbow] = 0.5 / world.settings.signal.offset_scale;
+        // The left elbow is asked to bend by half a radian.
+        let elbow = world.settings.signal.future_size() + 5;
+        draw.vector[elbow] = -0.5 / world.settings.signal.offset_scale;
         let outcome = environment.step(&mut episode, &observation, &draw);
         (episode, outcome)
     }
@@ -599,7 +637,9 @@ mod tests {
 
     #[test]
     fn the_posture_offset_is_gone_when_the_sit_is_complete() {
-        let (episode, _) = sit(&World::stool());
+        let mut world = World::stool();
+        world.settings.synthesizer.offset_everywhere = true;
+        let (episode, _) = sit(&world);
         let motion = episode.record.expect("recorded");
         let frames = motion.len();
         let own = database().frames[0].posture.rotations[Joint::LeftForeArm.index()];
@@ -616,12 +656,13 @@ mod tests {
         assert!((0..frames - 20).all(|f| turned(f) <= 0.51) && turned(frames - 24) > 0.1);
         assert!(episode.tally.offset > 0.25 && episode.tally.offset < 0.26 * frames as f32);
         // Walking keeps it.
-        let world = walker(&[], Planar::default());
+        let mut world = walker(&[], Planar::default());
+        world.settings.synthesizer.offset_everywhere = true;
         let environment = world.environment();
         let mut episode = begin_walk(&environment);
         let mut draw = walk_on(&world.settings);
-        let elbow = world.settings.signal.future_size() + 3;
-        draw.vector[elbow] = 0.5 / world.settings.signal.offset_scale;
+        let elbow = world.settings.signal.future_size() + 5;
+        draw.vector[elbow] = -0.5 / world.settings.signal.offset_scale;
         repeat(&environment, &mut episode, &draw, 4);
         let arm = episode.character.posture.rotations[Joint::LeftForeArm.index()];
         close(crate::math::rotation::angle_between(arm, own), 0.5, 0.01);
@@ -638,6 +679,7 @@ mod tests {
     fn the_reward_is_the_equations_over_the_frames() {
         let only = |change: &dyn Fn(&mut crate::settings::RewardSettings)| {
             let mut world = World::stool();
+            world.settings.synthesizer.offset_everywhere = true;
             let reward = &mut world.settings.reward;
             (reward.w_tr, reward.w_act, reward.w_reg, reward.collision) = (0.0, 0.0, 0.0, false);
             (reward.transition_rate, reward.velocity_rate) = (0.0, 0.0);
@@ -765,10 +807,13 @@ mod tests {
     }
 
     #[test]
-    fn a_narrow_way_is_narrow_here_and_ahead() {
-        // A passage along y from -1 to -3, whose walls are x = ±0.3.
-        let walls = [([-2.0, -3.0, 0.0], [-0.3, -1.0, 2.0]), ([0.3, -3.0, 0.0], [2.0, -1.0, 2.0])];
-        for (y, walks) in [(-2.0, false), (0.0, false), (-0.4, true), (2.0, true)] {
+    fn it_is_tight_beside_an_arm_here_and_ahead() {
+        // A wall on the left of who walks along -y, at x = 0.33, from y = -1 to -3; the right is free. The left arm's space
+        // begins 40 cm aside: 7 of its 10 cm are taken.
+        let walls = [([0.33, -3.0, 0.0], [2.0, -1.0, 2.0])];
+        for (y, walks, expected) in
+            [(-2.0, false, 0.7), (0.0, false, 0.0), (-0.2, true, 0.7), (2.0, true, 0.0)]
+        {
             let world = walker(&walls, Planar::new(Vec2::new(0.0, y), 0.0));
             let environment = world.environment();
             let mut episode = begin(&environment);
@@ -778,22 +823,36 @@ mod tests {
                     episode.character.advance(database(), &PostureOffset::default());
                 }
             }
-            let here = episode.character.planar.position;
-            let speed = if walks { PACE * FRAME_RATE } else { 0.0 };
-            let (narrow, free) = (world.settings.scene.narrow_clearance, world.settings.scene.free_clearance);
-            let least = [0.0, 0.33, 0.67, 1.0]
-                .map(|s| world.scene.occupancy().clearance(here - Vec2::Y * speed * s))
-                .into_iter()
-                .fold(f32::INFINITY, f32::min);
-            let expected = ((free - least) / (free - narrow)).clamp(0.0, 1.0);
-            close(environment.narrowness(&episode), expected, 0.05);
-            // By hand: 0.25 to 0.3 m of room in the passage, half of the way or more from 0.4 to 0.2; free far from it.
-            match (y, walks) {
-                (-2.0, _) => close(expected, 0.65, 0.2),
-                (-0.4, true) => assert!(expected > 0.3),
-                _ => assert_eq!(expected, 0.0),
-            }
+            let [left, right] = environment.tightness(&episode.character);
+            close(left, expected, 0.1);
+            assert_eq!(right, 0.0);
         }
+        // A bench is lower than hands hang.
+        let world = walker(&[([0.2, -3.0, 0.0], [2.0, 3.0, 0.45])], Planar::default());
+        let environment = world.environment();
+        assert_eq!(environment.tightness(&begin(&environment).character), [0.0; 2]);
+    }
+
+    #[test]
+    fn arms_that_have_room_are_the_librarys() {
+        let mut world = walker(&[], Planar::default());
+        let wanted = |world: &World, walls: &[([f32; 3], [f32; 3])]| {
+            let mut walled = walker(walls, Planar::default());
+            walled.settings = world.settings.clone();
+            let environment = walled.environment();
+            let mut episode = begin(&environment);
+            let mut draw = walk_on(&walled.settings);
+            let first = walled.settings.signal.future_size();
+            draw.vector[first..].fill(0.4);
+            repeat(&environment, &mut episode, &draw, 2);
+            episode.tally.offset
+        };
+        assert_eq!(wanted(&world, &[]), 0.0);
+        // Between two walls they are turned.
+        let walls = [([0.3, -3.0, 0.0], [2.0, 3.0, 2.0]), ([-2.0, -3.0, 0.0], [-0.3, 3.0, 2.0])];
+        assert!(wanted(&world, &walls) > 0.01);
+        world.settings.signal.posture_offset = false;
+        assert_eq!(wanted(&world, &walls), 0.0);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use super::environment::Environment;
 use super::episode::{Episode, EpisodeEnd, Tally};
 use super::policy::{Draw, Gaussian, Policy, TYPE_COUNT, draw};
+use super::signal::OFFSET_SIZE;
 use crate::error::Result;
 use crate::math::Planar;
 use crate::motion::{FRAME_RATE, Motion};
@@ -98,6 +99,8 @@ pub fn keep_motion(
         best.truncate(settings.branches.max(1));
     }
     let best = best.into_iter().next().ok_or(crate::error::Error::Cancelled)?;
+    let best =
+        if settings.rollouts > 1 { spare_arms(environment, policy, &map, best, progress)? } else { best };
     let (episode, complete) = record(environment, &best);
     let motion = episode.record.unwrap_or_default();
     let paced = unhurried(&motion, &environment.database.turns);
@@ -176,6 +179,42 @@ fn play_on(
     EpisodeEnd::TooLong
 }
 
+/// Most blocks that a motion's decisions are divided into by [`spare_arms`].
+const MOST_BLOCKS: usize = 16;
+
+/// Takes a^offset back wherever the motion is no worse without it: first from the whole of it, then from its halves, quarters and
+/// so on. What remains is there because something would be touched otherwise.
+fn spare_arms(
+    environment: &Environment,
+    policy: &Policy,
+    map: &[(f32, f32)],
+    mut best: Candidate,
+    progress: &Progress,
+) -> Result<Candidate> {
+    let first = environment.settings.signal.future_size();
+    let mut blocks = 1;
+    while blocks <= MOST_BLOCKS.min(best.draws.len()) && best.tally.offset > 0.0 {
+        let count = best.draws.len();
+        let tried: Vec<Candidate> = (0..blocks)
+            .into_par_iter()
+            .filter(|_| !progress.is_cancelled())
+            .map(|block| {
+                let mut draws = best.draws.clone();
+                for draw in &mut draws[block * count / blocks..(block + 1) * count / blocks] {
+                    draw.vector[first..].fill(0.0);
+                }
+                play(environment, policy, map, best.seed, &draws, best.seed, 0.0)
+            })
+            .collect();
+        progress.check()?;
+        match tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)) {
+            Some(better) if better.cost < best.cost => best = better,
+            _ => blocks *= 2,
+        }
+    }
+    Ok(best)
+}
+
 /// Widens what rollouts try of a^offset where the way is narrow, and has it go on from what was drawn last: arms hang
 /// free nearly everywhere, so the policy by itself varies them too little for a rollout to take them past.
 fn vary_arms(
@@ -190,13 +229,16 @@ fn vary_arms(
     if wanted <= 0.0 || !settings.signal.posture_offset {
         return;
     }
-    let narrow = environment.narrowness(episode);
-    let offset = settings.signal.future_size();
-    let least = (narrow * wanted / settings.signal.offset_scale).ln();
-    log_std[offset..].iter_mut().for_each(|s| *s = s.max(least));
-    if let Some(last) = last {
-        for (mean, last) in mean[TYPE_COUNT + offset..].iter_mut().zip(&last.vector[offset..]) {
-            *mean += OFFSET_HELD * narrow * (last - *mean);
+    let tightness = environment.tightness(&episode.character);
+    let first = settings.signal.future_size();
+    for (side, tight) in tightness.into_iter().enumerate() {
+        let least = (tight * wanted / settings.signal.offset_scale).ln();
+        let own = first + OFFSET_SIZE / 2 * side..first + OFFSET_SIZE / 2 * (side + 1);
+        log_std[own.clone()].iter_mut().for_each(|s| *s = s.max(least));
+        let Some(last) = last else { continue };
+        for number in own {
+            mean[TYPE_COUNT + number] +=
+                OFFSET_HELD * tight * (last.vector[number] - mean[TYPE_COUNT + number]);
         }
     }
 }
@@ -266,6 +308,8 @@ fn cost_of(tally: &Tally, end: EpisodeEnd, met: bool, left: f32, shortest: f32, 
         + w.detour * (tally.travelled - shortest).max(0.0)
         + w.second * seconds
         + w.offset * tally.offset / FRAME_RATE
+        + w.in_own_body * tally.in_own_body as f32
+        + w.own_depth * tally.own_depth
 }
 
 #[cfg(test)]
@@ -296,6 +340,8 @@ mod tests {
             detour: 0.83,
             second: 0.29,
             offset: 0.019,
+            in_own_body: 0.33,
+            own_depth: 1.9,
         }
     }
 
@@ -321,6 +367,8 @@ mod tests {
             contact,
             travelled: 4.3,
             offset: 87.0,
+            in_own_body: 11,
+            own_depth: 0.41,
             residual: 0.06,
             facing: 0.17,
         }
@@ -346,6 +394,8 @@ mod tests {
             0.83 * (4.3 - 3.2),
             0.29 * 2.0,
             0.019 * 87.0 / 30.0,
+            0.33 * 11.0,
+            1.9 * 0.41,
         ];
         let met: f32 = parts.iter().sum();
         close(cost_of(&t, EpisodeEnd::Complete, true, 7.0, 3.2, &w), met, 1e-3);
@@ -481,8 +531,8 @@ mod tests {
 
     #[test]
     fn arms_vary_where_it_is_narrow() {
-        // A passage 0.6 m wide: about half as narrow as can be.
-        let walls = [([-2.0, -3.0, 0.0], [-0.3, 3.0, 2.0]), ([0.3, -3.0, 0.0], [2.0, 3.0, 2.0])];
+        // A wall 34 cm to the right (-X for who faces -Y), so six tenths as tight as can be; the left is free.
+        let walls = [([-2.0, -3.0, 0.0], [-0.34, 3.0, 2.0])];
         let mut world = World::stop_ahead(2.0);
         let free = world.scene;
         world.scene = crate::test_world::room(&walls);
@@ -494,16 +544,18 @@ mod tests {
             let mut mean = vec![0.2; TYPE_COUNT + offset + 12];
             let mut log_std = vec![-5.0; offset + 12];
             vary_arms(&environment, &episode, last, &mut mean, &mut log_std);
-            (environment.narrowness(&episode), mean, log_std)
+            (environment.tightness(&episode.character), mean, log_std)
         };
-        let (narrow, mean, log_std) = varied(&world, Some(&last));
-        assert!((0.2..0.9).contains(&narrow), "{narrow}");
+        let ([left, right], mean, log_std) = varied(&world, Some(&last));
+        close(left, 0.0, 1e-6);
+        close(right, 0.6, 0.02);
         let (s, k) = (&world.settings.signal, &world.settings.kept);
-        let least = (narrow * k.narrow_offset / s.offset_scale).ln();
-        assert!(log_std[..offset].iter().all(|v| *v == -5.0));
-        log_std[offset..].iter().for_each(|v| close(*v, least, 1e-5));
-        assert!(mean[..TYPE_COUNT + offset].iter().all(|v| *v == 0.2));
-        mean[TYPE_COUNT + offset..].iter().for_each(|v| close(*v, 0.2 + OFFSET_HELD * narrow * 0.8, 1e-5));
+        let least = (right * k.narrow_offset / s.offset_scale).ln();
+        let own = offset + 6;
+        assert!(log_std[..own].iter().all(|v| *v == -5.0));
+        log_std[own..].iter().for_each(|v| close(*v, least, 1e-5));
+        assert!(mean[..TYPE_COUNT + own].iter().all(|v| *v == 0.2));
+        mean[TYPE_COUNT + own..].iter().for_each(|v| close(*v, 0.2 + OFFSET_HELD * right * 0.8, 1e-5));
         // The first decision has none before it; and where nothing is wanted nothing is varied.
         let (_, mean, _) = varied(&world, None);
         assert!(mean.iter().all(|v| *v == 0.2));

@@ -10,7 +10,8 @@ use super::constraint::Constraint;
 use super::foot_following::follow;
 use super::latent::{Decoder, Search, SearchFigures, Target, mix, search};
 use crate::body_solver::{
-    DegreesOfFreedom, FADE_FRAMES, FootPlan, Span, Surfaces, Term, centre_of_mass, correct, is_supported,
+    DegreesOfFreedom, FADE_FRAMES, FootPlan, FoundTerms, Span, Surfaces, Term, centre_of_mass, correct,
+    is_supported,
 };
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
@@ -324,7 +325,7 @@ impl<'a> Edit<'a> {
             joins: self.joins(),
             degrees: &degrees,
             terms: &terms,
-            surfaces: self.surfaces,
+            found: self.surfaces.as_ref().map(|s| s as &dyn FoundTerms),
             spread: FADE_FRAMES,
         };
         correct(&span, progress)
@@ -434,7 +435,7 @@ impl<'a> Edit<'a> {
                 joins: [false; 2],
                 degrees: &degrees,
                 terms: &terms,
-                surfaces: self.surfaces,
+                found: self.surfaces.as_ref().map(|s| s as &dyn FoundTerms),
                 spread: 0.0,
             };
             correct(&span, progress)

@@ -53,7 +53,7 @@ pub fn plain_ik(
         joins: [false; 2],
         degrees: &degrees,
         terms: &terms,
-        surfaces: None,
+        found: None,
         spread: 0.0,
     };
     let solved = correct(&solve, progress)?;

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::constraint::{Constraint, check_numbers};
 use super::edit::{Edit, EditFigures, EditedMotion};
 use super::latent::Decoder;
-use crate::body_solver::{FootPlan, Span, Surfaces, correct};
+use crate::body_solver::{FootPlan, FoundTerms, Span, Surfaces, correct};
 use crate::cue::ActionCue;
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
@@ -226,12 +226,13 @@ impl Seat<'_> {
         let postures = [motion.postures[last]];
         let terms = [edit.terms(last)];
         let degrees = edit.degrees();
+        let surfaces = self.surfaces();
         let span = Span {
             postures: &postures,
             joins: [false; 2],
             degrees: &degrees,
             terms: &terms,
-            surfaces: self.surfaces(),
+            found: surfaces.as_ref().map(|s| s as &dyn FoundTerms),
             spread: 0.0,
         };
         let pose = correct(&span, progress)?[0].pose();

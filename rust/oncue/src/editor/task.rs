@@ -1,10 +1,11 @@
-//! The editor's part of the main job: the seat, then the hands.
+//! The editor's part of the main job: the seat, then the hands, then what arms still run into.
 
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
 use super::edit::ConstraintFigures;
+use super::free_arms::{ArmRoom, free_arms};
 use super::manipulation::{Manipulated, ManipulationFigures, manipulate};
 use super::seat::{Seat, SeatFigures, SeatFit};
 use crate::action::Fit;
@@ -33,7 +34,8 @@ pub struct TaskEditFigures {
     pub problems: Vec<String>,
 }
 
-/// E(M): fits `motion`, which is complete at frame `complete`, to its seat and carries the hands along their cues. What
+/// E(M): fits `motion`, which is complete at frame `complete`, to its seat, carries the hands along their cues and takes the
+/// arms out of body and scene. What
 /// cannot be done leaves the motion as it was and is said in `problems`. `manifold`: as in [`super::edit_motion`].
 ///
 /// # Errors
@@ -80,6 +82,14 @@ pub fn edit_for_task(
             Err(error) => out.problems.push(error.to_string()),
         }
     }
+    let hand_of = |name: &str| task.manipulations.iter().find(|cue| cue.name == name).map(|cue| cue.hand);
+    let carried: Vec<_> = out
+        .manipulations
+        .iter()
+        .filter_map(|m| Some((hand_of(&m.name)?, m.first_frame..m.first_frame + m.frames)))
+        .collect();
+    let room = ArmRoom { scene, above: floor + scene.settings().carpet_height };
+    free_arms(motion, Some(room), &carried, progress)?;
     out.seconds = began.elapsed().as_secs_f32();
     Ok(out)
 }

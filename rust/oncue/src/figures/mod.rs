@@ -2,18 +2,19 @@
 //!
 //! The same figures of a motion and of a library, so that a motion stands beside what it is made of.
 
-mod body_part;
 mod feet;
 mod joint_limits;
 mod own_body;
+mod problems;
 mod scene_depth;
 mod spans;
 
-pub use body_part::{BodyPart, body_capsules};
 pub use feet::{FlatFoot, Spread, StepFigures, Swivel, WholeFootFigures};
-pub use joint_limits::{BeyondLimit, JointLimitFigures, LimitedTurn};
+pub use joint_limits::{BeyondLimit, JointLimitFigures};
 pub use own_body::{OwnBodyFigures, OwnTouch};
 pub use scene_depth::{SceneDepthFigures, SceneTouch};
+
+pub use crate::anatomy::{BodyPart, LimitedTurn, body_capsules};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -1,12 +1,10 @@
 //! Limbs in the own body.
 
-use std::sync::LazyLock;
-
 use serde::{Deserialize, Serialize};
 
-use super::body_part::{BodyPart, SHAPE_COUNT, SHAPES, body_capsules};
 use super::spans::Spans;
 use super::{DEEP, percent};
+use crate::anatomy::{BodyPart, touching};
 use crate::motion::Pose;
 
 /// How often limbs are in the trunk, the head and each other.
@@ -33,47 +31,6 @@ pub struct OwnTouch {
     pub depth_cm: f32,
     /// The frame in which it is deepest.
     pub frame: usize,
-}
-
-/// Whether two parts can be seen to run into each other: neither joined nor held apart by the joints' limits.
-fn may_touch(one: BodyPart, other: BodyPart) -> bool {
-    use BodyPart::*;
-    let (one, other) = if one <= other { (one, other) } else { (other, one) };
-    let is_core = |part| matches!(part, Head | Pelvis | Trunk);
-    let is_leg = |part| part >= LeftThigh;
-    let sides_differ = one.side() != other.side();
-    match (one, other) {
-        (a, b) if is_core(a) && is_core(b) => false,
-        // A thigh is joined to the pelvis and may be drawn up to the chest.
-        (a, b) if is_core(a) && is_leg(b) => a == Trunk && matches!(b, LeftThigh | RightThigh),
-        (a, _) if is_core(a) => true,
-        (LeftUpperArm | RightUpperArm, b) if is_leg(b) => matches!(b, LeftThigh | RightThigh),
-        (a, b) if is_leg(a) == is_leg(b) => sides_differ,
-        _ => true,
-    }
-}
-
-/// The pairs of capsules that are looked at.
-static PAIRS: LazyLock<Vec<(usize, usize)>> = LazyLock::new(|| {
-    let all = (0..SHAPE_COUNT).flat_map(|i| (0..i).map(move |j| (j, i)));
-    all.filter(|&(i, j)| may_touch(SHAPES[i].part, SHAPES[j].part)).collect()
-});
-
-/// The parts of a posed body that are deeper than `deep` metres in one another, beyond what flesh gives, and how deep.
-fn touching(pose: &Pose, deep: f32) -> impl Iterator<Item = ([BodyPart; 2], f32)> {
-    let capsules = body_capsules(pose);
-    let balls = capsules.map(|(_, c)| {
-        let middle = 0.5 * (c.ends[0] + c.ends[1]);
-        (middle, middle.distance(c.ends[0]) + c.radii[0].max(c.radii[1]))
-    });
-    PAIRS.iter().filter_map(move |&(i, j)| {
-        if balls[i].0.distance(balls[j].0) > balls[i].1 + balls[j].1 {
-            return None;
-        }
-        let (one, other) = (capsules[i].0, capsules[j].0);
-        let depth = capsules[i].1.depth_in(&capsules[j].1) - one.gives() - other.gives();
-        (depth > deep).then_some(([one, other], depth))
-    })
 }
 
 /// What has been counted so far.
@@ -176,28 +133,5 @@ mod tests {
         let part = (0.666f32.hypot(0.095) - 0.444) / 0.444;
         let expected = 100.0 * (2.0 * (0.052 - 0.018 * part) - 0.010);
         assert!((shins.map_or(0.0, |t| t.depth_cm) - expected).abs() < 0.05, "{found:?} {expected}");
-    }
-
-    #[test]
-    fn what_is_joined_is_not_looked_at() {
-        use BodyPart::*;
-        for (one, other) in [
-            (LeftForearm, LeftUpperArm),
-            (LeftThigh, Pelvis),
-            (RightHand, RightForearm),
-            (LeftFoot, LeftShin),
-            (Trunk, Head),
-        ] {
-            assert!(!may_touch(one, other) && !may_touch(other, one), "{one:?} {other:?}");
-        }
-        for (one, other) in [
-            (LeftForearm, Trunk),
-            (LeftHand, RightForearm),
-            (LeftHand, LeftThigh),
-            (LeftShin, RightShin),
-            (LeftUpperArm, Head),
-        ] {
-            assert!(may_touch(one, other) && may_touch(other, one), "{one:?} {other:?}");
-        }
     }
 }

@@ -4,9 +4,9 @@ use glam::Vec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::body_part::{BodyPart, body_capsules};
 use super::spans::Spans;
 use super::{DEEP, Surroundings, percent};
+use crate::anatomy::{BodyPart, body_capsules};
 use crate::motion::Pose;
 use crate::scene::SEAT_GIVE;
 
@@ -108,8 +108,8 @@ fn in_scene(
     body_capsules(pose)
         .into_iter()
         .filter_map(|(part, capsule)| {
-            let (depth, place) = surroundings.scene.depth_of(&capsule, over(part))?;
-            Some((part, depth, place))
+            let contact = surroundings.scene.depth_of(&capsule, over(part))?;
+            Some((part, contact.depth, contact.place))
         })
         .collect()
 }

@@ -6,13 +6,27 @@ use super::SceneIndex;
 use super::polygon::Polygon;
 use crate::math::capsule::{Capsule, nearest_to_triangle};
 
+/// A capsule in a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SceneContact {
+    /// How deep, metres.
+    pub depth: f32,
+    /// Where the surface is nearest to the capsule's axis, or where the axis passes through it; world, metres.
+    pub place: Vec3,
+    /// The part (0..=1) of the axis that would have to be moved, …
+    pub part: f32,
+    /// … in this direction; world, of length 1.
+    pub direction: Vec3,
+    /// Whether the axis passes through the surface; `part` is then its shorter end.
+    pub through: bool,
+}
+
 impl SceneIndex {
-    /// How deep a capsule is in the surface that it is deepest in, metres, and where that surface is nearest to its axis
-    /// (world). What is lower than `above` (world z) is not counted; `None` where nothing touches.
+    /// The surface that a capsule is deepest in. What is lower than `above` (world z) is not counted; `None` where nothing touches.
     ///
     /// Beside a surface it is as deep as its own surface is behind it; where its axis passes through, by the shorter end of the
     /// axis more: so far it would have to be moved to be free.
-    pub fn depth_of(&self, capsule: &Capsule, above: f32) -> Option<(f32, Vec3)> {
+    pub fn depth_of(&self, capsule: &Capsule, above: f32) -> Option<SceneContact> {
         let [a, b] = capsule.ends;
         let radius = capsule.radii[0].max(capsule.radii[1]);
         let (low, high) = (a.min(b) - radius, a.max(b) + radius);
@@ -20,7 +34,7 @@ impl SceneIndex {
             return None;
         }
         let low = low.with_z(low.z.max(above));
-        let mut deepest: Option<(f32, Vec3)> = None;
+        let mut deepest: Option<SceneContact> = None;
         self.tree.visit_near(low, high, |triangle| {
             let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalize_or_zero();
             let sides = capsule.ends.map(|end| (end - triangle[0]).dot(normal));
@@ -31,11 +45,17 @@ impl SceneIndex {
             for pair in shown.corners().get(1..).unwrap_or_default().windows(2) {
                 let (part, place, through) =
                     nearest_to_triangle(capsule.ends, [shown.corners()[0], pair[0], pair[1]]);
-                let axis = a + (b - a) * part;
-                let depth = capsule.radius(part)
-                    + if through { sides[0].abs().min(sides[1].abs()) } else { -axis.distance(place) };
-                if depth > deepest.map_or(0.0, |d| d.0) {
-                    deepest = Some((depth, place));
+                let away = a + (b - a) * part - place;
+                let shorter = usize::from(sides[1].abs() < sides[0].abs());
+                let depth =
+                    capsule.radius(part) + if through { sides[shorter].abs() } else { -away.length() };
+                if depth > deepest.map_or(0.0, |d| d.depth) {
+                    let back = normal * sides[1 - shorter].signum();
+                    deepest = Some(if through {
+                        SceneContact { depth, place, part: shorter as f32, direction: back, through }
+                    } else {
+                        SceneContact { depth, place, part, direction: away.normalize_or(back), through }
+                    });
                 }
             }
         });
@@ -66,6 +86,43 @@ mod tests {
         [-1f32..1.0, -1f32..1.0, 0f32..2.0].prop_map(Vec3::from)
     }
 
+    #[test]
+    fn a_contact_says_which_way_is_out() {
+        // A wall at y = 0, seen from +y; a limb of 10 cm along y through it and one beside it.
+        let corners = [
+            [-1.0, 0.0, 0.0],
+            [1.0, 0.0, 0.0],
+            [1.0, 0.0, 2.0],
+            [-1.0, 0.0, 2.0],
+            [-3.0, -3.0, 0.0],
+            [3.0, -3.0, 0.0],
+            [0.0, 3.0, 0.0],
+        ];
+        let triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6]];
+        let scene = SceneIndex::build(
+            &corners.map(Vec3::from),
+            &triangles,
+            &SceneSettings::default(),
+            &Progress::new(),
+        );
+        let scene = scene.expect("a wall");
+        let found = |from: f32, to: f32, x: f32| {
+            let ends = [Vec3::new(0.0, from, 1.0), Vec3::new(x, to, 1.0)];
+            scene.depth_of(&Capsule { ends, radii: [0.02, 0.02] }, 0.1).expect("a contact")
+        };
+        let near = |a: Vec3, b: Vec3| assert!(a.distance(b) < 1e-5, "{a} {b}");
+        // 3 cm of it are behind the wall: that end has to come back, by those and its radius.
+        let through = found(0.07, -0.03, 0.0);
+        assert!((through.depth - 0.05).abs() < 1e-5 && through.part == 1.0, "{through:?}");
+        near(through.direction, Vec3::Y);
+        near(through.place, Vec3::new(0.0, 0.0, 1.0));
+        assert_eq!(found(-0.03, 0.07, 0.0).part, 0.0);
+        near(found(0.03, -0.07, 0.0).direction, Vec3::NEG_Y);
+        let beside = found(0.05, 0.01, 0.3);
+        assert!((beside.depth - 0.01).abs() < 1e-5 && beside.part == 1.0, "{beside:?}");
+        near(beside.direction, Vec3::Y);
+    }
+
     proptest! {
         /// Tree, distance field and planes leave out nothing that touches.
         #[test]
@@ -89,7 +146,7 @@ mod tests {
                     let more = if through { behind[0].min(behind[1]) } else { -on_axis.distance(place) };
                     expected = expected.max(capsule.radius(part) + more);
                 }
-                let found = scene.depth_of(&capsule, -1.0).map_or(0.0, |d| d.0);
+                let found = scene.depth_of(&capsule, -1.0).map_or(0.0, |d| d.depth);
                 prop_assert!((found - expected).abs() < 1e-5, "{} {}", found, expected);
             }
         }

@@ -45,6 +45,7 @@ mod tree_nodes;
 mod tree_references;
 mod triangle_tree;
 
+pub use capsule_depth::SceneContact;
 pub use check::{check_task, short_of_knee_room};
 pub use clear_path::{ApproachPoint, ClearPath};
 pub use occupancy::OccupancyGrid;

@@ -8,11 +8,13 @@
 mod controller;
 mod editor;
 mod optimization;
+mod report;
 mod synthesizer;
 
 pub use controller::{FutureForm, RewardSettings, SignalSettings, StateSettings, TerminationSettings};
 pub use editor::EditorSettings;
 pub use optimization::{CostWeights, KeptSettings, PpoSettings};
+pub use report::ReportSettings;
 pub use synthesizer::SynthesizerSettings;
 
 use serde::{Deserialize, Serialize};
@@ -42,13 +44,15 @@ pub struct Settings {
     pub scene: crate::scene::SceneSettings,
     /// E.
     pub editor: EditorSettings,
+    /// What the report lets pass.
+    pub report: ReportSettings,
 }
 
 impl Settings {
     /// # Errors
     /// [`Error::Input`] naming the first value that is out of its range or not a number, by section and field.
     pub fn validate(&self) -> Result<()> {
-        let Self { synthesizer, state, signal, reward, termination, ppo, kept, scene, editor } = self;
+        let Self { synthesizer, state, signal, reward, termination, ppo, kept, scene, editor, report } = self;
         synthesizer.validate()?;
         state.validate()?;
         signal.validate()?;
@@ -57,7 +61,8 @@ impl Settings {
         ppo.validate()?;
         kept.validate()?;
         scene.validate()?;
-        editor.validate()
+        editor.validate()?;
+        report.validate()
     }
 
     /// Names of the presets.
@@ -82,6 +87,7 @@ impl Settings {
                 };
                 settings.signal.future_form = FutureForm::Points;
                 settings.signal.reach = 1.9;
+                settings.synthesizer.offset_everywhere = true;
                 settings.signal.propose_clear_path = false;
                 settings.reward.geodesic = false;
                 settings.reward.body_weight = 0.0;

@@ -198,6 +198,10 @@ pub struct CostWeights {
     pub second: f32,
     /// Posture offset, per squared radian and second.
     pub offset: f32,
+    /// A frame in which a limb is in the own body.
+    pub in_own_body: f32,
+    /// How deep it is there, per metre and frame.
+    pub own_depth: f32,
 }
 
 impl CostWeights {
@@ -227,6 +231,8 @@ impl CostWeights {
                 detour: ANY,
                 second: ANY,
                 offset: ANY,
+                in_own_body: ANY,
+                own_depth: ANY,
             },
             free {}
         );
@@ -254,7 +260,9 @@ impl Default for CostWeights {
             contact: 60.0,
             detour: 0.8,
             second: 0.25,
-            offset: 0.02,
+            offset: 0.05,
+            in_own_body: 0.05,
+            own_depth: 2.0,
         }
     }
 }

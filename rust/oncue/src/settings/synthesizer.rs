@@ -24,6 +24,8 @@ pub struct SynthesizerSettings {
     pub refuse_height: f32,
     /// …or when C_tr + C_vel, the cost of the posture itself, exceeds this.
     pub refuse_posture: f32,
+    /// τ plays wherever the policy wishes, as the paper's, and not only where something stands beside the arm.
+    pub offset_everywhere: bool,
     /// Seconds that the motion goes on after the action is complete.
     pub hold_seconds: f32,
 }
@@ -44,7 +46,7 @@ impl SynthesizerSettings {
                 refuse_posture: 0.0..=1e6,
                 hold_seconds: 0.0..=600.0,
             },
-            free { weights }
+            free { weights, offset_everywhere }
         );
         self.weights.validate()
     }
@@ -60,6 +62,7 @@ impl Default for SynthesizerSettings {
             refuse_direction: 0.5,
             refuse_height: 0.08,
             refuse_posture: 1.2,
+            offset_everywhere: false,
             hold_seconds: 1.0,
         }
     }

@@ -2,11 +2,12 @@
 //!
 //! Every N-th frame the query feature x_t is matched against the database; between searches the
 //! matched clip plays on. What the database gives is carried to where the character stands,
-//! inertialised ([`inertia`]), altered by the posture offset τ, turned towards the cue when it sits
+//! inertialised ([`inertia`]), altered by the posture offset τ as far as arms go ([`arms`]), turned towards the cue when it sits
 //! or stops ([`alignment`]), and its planted feet are kept where they are ([`feet`]). A finished motion is
 //! played no faster than the library's joints turn ([`pace`]).
 
 mod alignment;
+mod arms;
 mod feet;
 mod inertia;
 mod pace;
@@ -93,6 +94,8 @@ pub struct Character {
     /// The posture offset that is shown, that is wanted, and the difference.
     offset: PostureOffset,
     wanted_offset: PostureOffset,
+    /// What the offset joints are turned by: the offset as far as arms go.
+    offset_turns: [Quat; OFFSET_JOINTS.len()],
     missing_offset: [Inertia; OFFSET_JOINTS.len()],
     alignment: Option<Alignment>,
 }
@@ -120,6 +123,7 @@ impl Character {
             feet: [0, 1].map(|side| Foot::standing(&start, source, side)),
             offset: [Vec3::ZERO; OFFSET_JOINTS.len()],
             wanted_offset: [Vec3::ZERO; OFFSET_JOINTS.len()],
+            offset_turns: [Quat::IDENTITY; OFFSET_JOINTS.len()],
             missing_offset: [Inertia::default(); OFFSET_JOINTS.len()],
             alignment: None,
         };
@@ -238,7 +242,7 @@ impl Character {
             slowed = true;
             self.posture.rotations[at] = rotation;
             let offset = OFFSET_JOINTS.iter().position(|j| *j == joint);
-            let offset = offset.map_or(Quat::IDENTITY, |j| from_angle_axis(self.offset[j]));
+            let offset = offset.map_or(Quat::IDENTITY, |j| self.offset_turns[j]);
             let shown = rotation * offset.inverse();
             let offset = to_angle_axis(shown * source.posture.rotations[at].inverse());
             self.joints[at].divert(offset, TRANSITION_SECONDS);
@@ -269,13 +273,10 @@ impl Character {
             posture.rotations[joint] = offsets[joint] * source.posture.rotations[joint];
         }
         posture.rotations[0] = self.planar.rotation() * posture.rotations[0];
-        self.offset_distance = 0.0;
-        for (joint, offset) in OFFSET_JOINTS.iter().zip(&self.offset) {
-            let rotation = &mut posture.rotations[joint.index()];
-            *rotation = (*rotation * from_angle_axis(*offset)).normalize();
-            self.offset_distance += offset.length_squared();
-        }
         self.pose = posture.pose();
+        self.offset_turns = arms::turn(posture, &mut self.pose, &self.offset);
+        self.offset_distance =
+            self.offset_turns.iter().map(|turn| to_angle_axis(*turn).length_squared()).sum();
         for side in 0..2 {
             self.feet[side].reach(&self.planar, source, self.floor, side, posture, &mut self.pose);
         }
@@ -433,7 +434,7 @@ mod tests {
     #[test]
     fn arms_turn_to_their_offset_no_faster_than_they_may() {
         let elbow = Joint::LeftForeArm.index();
-        let wanted = [Vec3::ZERO, Vec3::Y * 0.8, Vec3::ZERO, Vec3::X * -0.3];
+        let wanted = [Vec3::ZERO, Vec3::Z * -0.8, Vec3::ZERO, Vec3::Z * 0.3];
         let mut character = at("stand", 0, Planar::default(), 0.0);
         let own = character.posture;
         let mut last = own.rotations[elbow];
@@ -460,7 +461,7 @@ mod tests {
         let mut database = database().clone();
         database.turns = crate::library::database::TurnLimits::new([0.03; JOINT_COUNT]);
         let elbow = Joint::RightForeArm.index();
-        let wanted = [Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Vec3::Y * 0.9];
+        let wanted = [Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, Vec3::Z * 0.9];
         let mut character = Character::standing(&database, frame_of("stand", 0), Planar::default(), 0.0);
         let own = character.posture.rotations[elbow];
         let (mut last, mut fastest) = (own, 0.0f32);

@@ -48,7 +48,7 @@ impl BodyPart {
     }
 
     /// −1 on the left, 1 on the right, 0 in the middle.
-    pub(super) fn side(self) -> i32 {
+    pub(crate) fn side(self) -> i32 {
         match self {
             Head | Pelvis | Trunk => 0,
             LeftUpperArm | LeftForearm | LeftHand | LeftThigh | LeftShin | LeftFoot => -1,
@@ -56,24 +56,29 @@ impl BodyPart {
         }
     }
 
+    /// Whether it hangs from a shoulder.
+    pub(crate) fn is_arm(self) -> bool {
+        (LeftUpperArm..=RightHand).contains(&self)
+    }
+
     /// Whether a seat carries it.
-    pub(super) fn is_carried(self) -> bool {
+    pub(crate) fn is_carried(self) -> bool {
         matches!(self, Pelvis | LeftThigh | RightThigh)
     }
 }
 
 /// A capsule that moves with a joint; in the joint's frame, metres.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct PartShape {
+pub(crate) struct PartShape {
     pub part: BodyPart,
     pub joint: Joint,
     pub capsule: Capsule,
 }
 
 /// All capsules of the body.
-pub(super) const SHAPE_COUNT: usize = 19;
+pub(crate) const SHAPE_COUNT: usize = 19;
 
-pub(super) static SHAPES: LazyLock<[PartShape; SHAPE_COUNT]> = LazyLock::new(|| {
+pub(crate) static SHAPES: LazyLock<[PartShape; SHAPE_COUNT]> = LazyLock::new(|| {
     use Joint as J;
     let one = |part, joint, from: [f32; 3], to: [f32; 3], radii| PartShape {
         part,

@@ -1,0 +1,13 @@
+//! The body as flesh and bone: its girth, how far its joints go, and limbs that run into it.
+//!
+//! What a motion is measured by here, it is also kept to: synthesizer, finishing pass and figures read the same numbers.
+
+mod body_part;
+mod joint_limits;
+mod own_body;
+
+pub(crate) use body_part::SHAPES;
+pub use body_part::{BodyPart, body_capsules};
+pub use joint_limits::LimitedTurn;
+pub(crate) use joint_limits::{EASY_ELBOW, beyond_limits, elbow_flexion, shoulder_beyond};
+pub(crate) use own_body::{arm_contacts, arm_depth, own_depth, touching};
