@@ -11,7 +11,7 @@ use glam::{Quat, Vec2, Vec3};
 
 use super::curve::{keyed, mix, pendulum, running_minimum, smooth};
 use super::foot::{FootSample, FootTrack};
-use super::limb::{self, LEG_REACH};
+use super::limb::{self, LEG_REACH, Leg};
 use super::plan::{Foothold, Plan};
 use super::seat::{self, SeatState};
 use crate::library::foot::LEGS;
@@ -27,6 +27,15 @@ const OMEGA: f32 = 3.25;
 /// The pelvis joint's height when standing, metres.
 const STANDING_HEIGHT: f32 = 0.9885;
 
+/// Legs keep so far apart, metres; a foot goes at most so much further round the other leg, in so many tries.
+const CLEAR: f32 = 0.004;
+const WIDEST: f32 = 0.30;
+const MOST_TRIES: usize = 6;
+/// A knee is turned outwards by so much at most, radians, tried in so many steps; from so many frames before to so many after.
+const MOST_PARTED: f32 = 0.36;
+const PARTING_STEPS: usize = 6;
+const PARTING_FRAMES: usize = 4;
+
 /// What the whole body follows from, sampled every [`SAMPLE_TIME`].
 struct Signals {
     feet: [Vec<FootSample>; 2],
@@ -39,6 +48,8 @@ struct Signals {
     /// Weight: 1 all on the left foot, -1 all on the right.
     load: Vec<f32>,
     slow_load: Vec<f32>,
+    /// Radians that each knee is turned outwards to keep clear of the other leg.
+    apart: Vec<f32>,
     /// m/s and m/s² along and to the left of the heading.
     speed: Vec<f32>,
     surge: Vec<f32>,
@@ -104,11 +115,12 @@ fn drift(plan: &Plan, t: f32, rates: [f32; 2], phases: [usize; 2]) -> f32 {
 }
 
 impl Signals {
-    fn of(plan: &Plan) -> Self {
+    /// `wider`: see [`FootTrack::new`], left and right.
+    fn of(plan: &Plan, wider: &[Vec<f32>; 2]) -> Self {
         let n = (plan.duration / SAMPLE_TIME).round() as usize + 1;
         let time = |i: usize| i as f32 * SAMPLE_TIME;
         let sigma = |seconds: f32| seconds / SAMPLE_TIME;
-        let tracks = [FootTrack::new(plan, 0), FootTrack::new(plan, 1)];
+        let tracks = [0, 1].map(|s| FootTrack::new(plan, s, &wider[s]));
         let seat: Vec<SeatState> = (0..n).map(|i| seat::seat_state(plan, time(i))).collect();
         let mut feet = [0, 1].map(|s| (0..n).map(|i| tracks[s].sample(time(i))).collect::<Vec<_>>());
 
@@ -178,6 +190,7 @@ impl Signals {
             lead: smooth(&lead, sigma(0.05)),
             slow_load: smooth(&load, sigma(0.13)),
             load: smooth(&load, sigma(0.055)),
+            apart: vec![0.0; n],
             speed,
             surge,
             sideways: smooth(&sideways, sigma(0.3)),
@@ -231,6 +244,68 @@ impl Signals {
         (0.35 + 0.65 * (self.speed[i].abs() / 0.8).min(1.0)) * (1.0 - self.seat[i].down)
     }
 
+    /// Both legs under the pelvis, on their ankles.
+    fn legs(&self, plan: &Plan, i: usize) -> [Leg; 2] {
+        let root = self.pelvis[i].extend(self.height[i]);
+        let pelvis = self.pelvis_rotation(plan, i);
+        let spread = plan.knee_spread(i as f32 * SAMPLE_TIME) * self.seat[i].feet;
+        [0, 1].map(|s| {
+            let sample = &self.feet[s][i];
+            let sign = if s == 0 { 1.0 } else { -1.0 };
+            let hip = root + pelvis * JOINT_OFFSET[LEGS[s][0].index()];
+            let knee_yaw = mix(self.yaw[i] + spread * sign, sample.yaw, 0.65) + self.apart[i] * sign;
+            let ankle = self.ankles[s][i];
+            let (thigh, shin) = limb::leg(hip, ankle, rotate(knee_yaw, Vec2::NEG_Y).extend(0.0));
+            Leg { hip, ankle, thigh, shin, foot: sample.rotation() }
+        })
+    }
+
+    /// How much further each foot must go round the other leg in each of its steps, metres, given how far it goes.
+    fn crossings(&self, plan: &Plan, wider: &mut [Vec<f32>; 2]) -> bool {
+        let tracks = [0, 1].map(|s| FootTrack::new(plan, s, &[]));
+        let mut more = [0, 1].map(|s| vec![0.0f32; tracks[s].steps()]);
+        for i in (0..self.pelvis.len()).step_by(FINE) {
+            let depth = limb::depth_between(&self.legs(plan, i)) + CLEAR;
+            if depth <= 0.0 {
+                continue;
+            }
+            for s in 0..2 {
+                if let Some(step) = tracks[s].step_at(i as f32 * SAMPLE_TIME) {
+                    more[s][step] = more[s][step].max(depth);
+                }
+            }
+        }
+        for (wide, more) in wider.iter_mut().zip(&more) {
+            wide.resize(more.len(), 0.0);
+            wide.iter_mut().zip(more).for_each(|(wide, more)| *wide = (*wide + more).min(WIDEST));
+        }
+        more.iter().flatten().any(|more| *more > 0.0)
+    }
+
+    /// Turns the knees outwards where the legs would still touch.
+    fn part_knees(&mut self, plan: &Plan) {
+        let least = |signals: &mut Self, i: usize| {
+            for turn in 0..=PARTING_STEPS {
+                signals.apart[i] = MOST_PARTED * turn as f32 / PARTING_STEPS as f32;
+                if limb::depth_between(&signals.legs(plan, i)) <= -0.5 * CLEAR {
+                    break;
+                }
+            }
+            signals.apart[i]
+        };
+        let frames: Vec<usize> = (0..self.pelvis.len()).step_by(FINE).collect();
+        let needed: Vec<f32> = frames.into_iter().map(|i| -least(self, i)).collect();
+        if needed.iter().all(|turn| *turn == 0.0) {
+            return;
+        }
+        let eased = smooth(&running_minimum(&needed, PARTING_FRAMES), 0.5 * PARTING_FRAMES as f32);
+        for i in 0..self.apart.len() {
+            let (frame, part) = (i / FINE, (i % FINE) as f32 / FINE as f32);
+            let next = (frame + 1).min(eased.len() - 1);
+            self.apart[i] = -mix(eased[frame], eased[next], part);
+        }
+    }
+
     fn posture(&self, plan: &Plan, i: usize) -> Posture {
         let t = i as f32 * SAMPLE_TIME;
         let style = &plan.style;
@@ -274,21 +349,13 @@ impl Signals {
         world[Joint::Neck.index()] = thorax * Quat::IDENTITY.slerp(nod, 0.5);
         world[Joint::Head.index()] = thorax * nod;
 
-        // Legs.
-        let mut legs = [(Vec3::ZERO, Quat::IDENTITY); 2];
-        let spread = plan.knee_spread(t) * seat.feet;
-        for (s, leg) in legs.iter_mut().enumerate() {
+        let legs = self.legs(plan, i);
+        for (s, leg) in legs.iter().enumerate() {
             let [up, low, foot, toe] = LEGS[s];
-            let sample = &self.feet[s][i];
-            let hip = root_position + pelvis * JOINT_OFFSET[up.index()];
-            let knees = self.yaw[i] + spread * if s == 0 { 1.0 } else { -1.0 };
-            let knee_yaw = mix(knees, sample.yaw, 0.65);
-            let (thigh, shin) = limb::leg(hip, self.ankles[s][i], rotate(knee_yaw, Vec2::NEG_Y).extend(0.0));
-            world[up.index()] = thigh;
-            world[low.index()] = shin;
-            world[foot.index()] = sample.rotation();
-            world[toe.index()] = sample.rotation() * Quat::from_rotation_x(-sample.toe_bend);
-            *leg = (hip, thigh);
+            world[up.index()] = leg.thigh;
+            world[low.index()] = leg.shin;
+            world[foot.index()] = leg.foot;
+            world[toe.index()] = leg.foot * Quat::from_rotation_x(-self.feet[s][i].toe_bend);
         }
         self.arms(plan, i, root_position, &legs, breath, &mut world);
 
@@ -308,7 +375,7 @@ impl Signals {
         plan: &Plan,
         i: usize,
         root: Vec3,
-        legs: &[(Vec3, Quat); 2],
+        legs: &[Leg; 2],
         breath: f32,
         world: &mut [Quat; JOINT_COUNT],
     ) {
@@ -344,7 +411,7 @@ impl Signals {
             let hang_lower = hang_upper * mirror(Quat::from_rotation_z(-bend.max(0.10)));
             let hang_hand = hang_lower * mirror(Quat::from_rotation_x(0.15) * Quat::from_rotation_z(-0.06));
             let (upper_rotation, lower_rotation, hand_rotation) = if hands > 0.0 {
-                let (hip, thigh) = legs[s];
+                let Leg { hip, thigh, .. } = legs[s];
                 let joint = neck_base
                     + thorax * JOINT_OFFSET[clavicle.index()]
                     + shoulder * JOINT_OFFSET[upper.index()];
@@ -436,7 +503,15 @@ fn seat_feet(plan: &Plan, seat: &[SeatState], yaw: &[f32], feet: &mut [Vec<FootS
 
 /// The motion of a whole plan at 30 Hz.
 pub(super) fn animate(plan: &Plan) -> Motion {
-    let signals = Signals::of(plan);
+    let mut wider = [Vec::new(), Vec::new()];
+    let mut signals = Signals::of(plan, &wider);
+    for _ in 0..MOST_TRIES {
+        if !signals.crossings(plan, &mut wider) {
+            break;
+        }
+        signals = Signals::of(plan, &wider);
+    }
+    signals.part_knees(plan);
     let frames = (signals.pelvis.len() - 1) / FINE + 1;
     let postures: Vec<Posture> = (0..frames).map(|f| signals.posture(plan, f * FINE)).collect();
     let contacts = (0..frames).map(|f| contact(&signals, f * FINE)).collect();

@@ -1,8 +1,10 @@
 //! Which clips the starter library has.
 
 use std::f32::consts::{FRAC_PI_2, PI};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::Vec2;
+use rayon::prelude::*;
 
 use super::body::animate;
 use super::plan::{Plan, Planner, SETTLE_SECONDS, STANDING_WIDTH, SWIVEL_FROM, Seat, Seating, Stride};
@@ -40,12 +42,14 @@ struct Recipe {
 pub fn generate(progress: &Progress) -> Result<MotionLibrary> {
     progress.stage("Making the starter library");
     let recipes = recipes();
-    let mut clips = Vec::with_capacity(2 * recipes.len());
-    for (i, recipe) in recipes.iter().enumerate() {
+    let made = AtomicUsize::new(0);
+    let one = |recipe: &Recipe| {
         progress.check()?;
-        progress.fraction(i as f32 / recipes.len() as f32);
-        clips.push(make(recipe));
-    }
+        let clip = make(recipe);
+        progress.fraction(made.fetch_add(1, Ordering::Relaxed) as f32 / recipes.len() as f32);
+        Ok(clip)
+    };
+    let mut clips = recipes.par_iter().map(one).collect::<Result<Vec<Clip>>>()?;
     let mirrored: Vec<Clip> = clips.iter().map(Clip::mirror).collect();
     clips.extend(mirrored);
     Ok(MotionLibrary { clips })

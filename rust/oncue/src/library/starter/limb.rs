@@ -2,6 +2,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 
+use crate::math::capsule::Capsule;
 use crate::motion::Joint;
 use crate::motion::skeleton::{JOINT_OFFSET, LEG_LENGTH};
 
@@ -29,6 +30,47 @@ pub(super) fn leg(hip: Vec3, ankle: Vec3, forward: Vec3) -> (Quat, Quat) {
     (bone(thigh), bone(down * distance - thigh))
 }
 
+/// A posed leg: its joints and rotations in the world.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Leg {
+    pub hip: Vec3,
+    pub ankle: Vec3,
+    pub thigh: Quat,
+    pub shin: Quat,
+    pub foot: Quat,
+}
+
+/// Radii of a thigh and of a shin, upper and lower end, and of a foot, metres: the mannequin's.
+const THIGH: [f32; 2] = [0.067, 0.052];
+const SHIN: [f32; 2] = [0.052, 0.034];
+const FOOT: [f32; 2] = [0.035, 0.030];
+/// The quarter of a thigh at the hip lies in the groin.
+const GROIN: f32 = 0.25;
+
+impl Leg {
+    pub(super) fn knee(&self) -> Vec3 {
+        self.hip + self.thigh * (Vec3::NEG_Z * LEG_LENGTH)
+    }
+
+    fn capsules(&self) -> [Capsule; 3] {
+        let knee = self.knee();
+        let heel = self.ankle + self.foot * Vec3::new(0.0, 0.03, -0.045);
+        let ball = self.ankle + self.foot * Vec3::new(0.0, -0.13, -0.055);
+        [
+            Capsule { ends: [self.hip.lerp(knee, GROIN), knee], radii: THIGH },
+            Capsule { ends: [knee, self.ankle], radii: SHIN },
+            Capsule { ends: [heel, ball], radii: FOOT },
+        ]
+    }
+}
+
+/// How deep two legs are in one another, metres; negative is the gap between them.
+pub(super) fn depth_between(legs: &[Leg; 2]) -> f32 {
+    let [left, right] = legs.each_ref().map(Leg::capsules);
+    let pairs = left.iter().flat_map(|one| right.iter().map(move |other| one.depth_in(other)));
+    pairs.fold(f32::NEG_INFINITY, f32::max)
+}
+
 /// World rotations of upper arm and forearm (`sign` 1 left, -1 right) that put the wrist at `wrist`, elbow towards `elbow`.
 pub(super) fn arm(sign: f32, shoulder: Vec3, wrist: Vec3, elbow: Vec3) -> (Quat, Quat) {
     let span = wrist - shoulder;
@@ -50,6 +92,20 @@ pub(super) fn arm(sign: f32, shoulder: Vec3, wrist: Vec3, elbow: Vec3) -> (Quat,
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn legs_side_by_side_have_the_gap_between_their_thighs() {
+        let leg = |x: f32| Leg {
+            hip: Vec3::new(x, 0.0, 0.97),
+            ankle: Vec3::new(x, 0.0, 0.082),
+            thigh: Quat::IDENTITY,
+            shin: Quat::IDENTITY,
+            foot: Quat::IDENTITY,
+        };
+        // Thickest where the groin ends.
+        assert!((depth_between(&[leg(0.1), leg(-0.1)]) - (2.0 * THIGH[0] - 0.2)).abs() < 1e-5);
+        assert!(depth_between(&[leg(0.05), leg(-0.05)]) > 0.03);
+    }
 
     proptest! {
         #[test]
