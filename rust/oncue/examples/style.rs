@@ -16,7 +16,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let library = if paths.is_empty() {
         starter::generate(&progress)?
     } else {
-        let settings = LibrarySettings { starter: StarterUse::None, mirror: false, ..LibrarySettings::default() };
+        let settings =
+            LibrarySettings { starter: StarterUse::None, mirror: false, ..LibrarySettings::default() };
         build(&paths, &settings, &progress)?.library
     };
     let wanted = |clip: &&Clip| !clip.mirrored && (paths.is_empty() || clip.source == Source::Mocap);

@@ -1,9 +1,9 @@
 //! How people of a library walk and sit, measured the same way on captures and on what is made by rule.
 
+use oncue::ActionLabel;
 use oncue::glam::{Quat, Vec2, Vec3};
 use oncue::library::Clip;
 use oncue::motion::{FRAME_RATE, Joint, Pose, Posture};
-use oncue::ActionLabel;
 
 /// One figure of a library: what it says and its values, one a stretch or clip.
 pub struct Row {
@@ -16,7 +16,8 @@ impl Row {
     pub fn spread(&self) -> Option<[f32; 3]> {
         let mut sorted = self.values.clone();
         sorted.sort_by(f32::total_cmp);
-        let at = |part: f32| sorted.get((part * sorted.len().saturating_sub(1) as f32).round() as usize).copied();
+        let at =
+            |part: f32| sorted.get((part * sorted.len().saturating_sub(1) as f32).round() as usize).copied();
         Some([at(0.1)?, at(0.5)?, at(0.9)?])
     }
 }
@@ -46,8 +47,7 @@ fn wrapped(angle: f32) -> f32 {
 }
 
 fn range(values: impl Iterator<Item = f32>) -> f32 {
-    let (least, most) =
-        values.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+    let (least, most) = values.fold((f32::INFINITY, f32::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
     (most - least).max(0.0)
 }
 
@@ -98,11 +98,10 @@ fn stride(poses: &[Pose]) -> Option<[f32; 16]> {
     let place = |pose: &Pose| pose.position(Joint::Hips).truncate();
     let way = place(&poses[STRIDE - 1]) - place(&poses[0]);
     let speed = way.length() * FRAME_RATE / (STRIDE - 1) as f32;
-    let slowest = poses.windows(2).map(|w| place(&w[1]).distance(place(&w[0])) * FRAME_RATE).fold(9.0, f32::min);
+    let slowest =
+        poses.windows(2).map(|w| place(&w[1]).distance(place(&w[0])) * FRAME_RATE).fold(9.0, f32::min);
     let ahead = way.normalize_or_zero();
-    let turned = range(poses.iter().map(|p| {
-        wrapped(pose_yaw(p) - pose_yaw(&poses[0])).to_degrees()
-    }));
+    let turned = range(poses.iter().map(|p| wrapped(pose_yaw(p) - pose_yaw(&poses[0])).to_degrees()));
     let facing = Vec2::from_angle(pose_yaw(&poses[STRIDE / 2])).rotate(Vec2::NEG_Y);
     if speed < 0.4 || slowest < 0.55 * speed || turned > 30.0 || facing.dot(ahead) < 0.9 {
         return None;
@@ -114,7 +113,8 @@ fn stride(poses: &[Pose]) -> Option<[f32; 16]> {
         detrended_range(&at)
     };
     let in_pelvis = |joint: Joint, axis: Vec3| {
-        let local = |p: &Pose| Quat::from_rotation_z(-pose_yaw(p)) * (p.position(joint) - p.position(Joint::Hips));
+        let local =
+            |p: &Pose| Quat::from_rotation_z(-pose_yaw(p)) * (p.position(joint) - p.position(Joint::Hips));
         range(poses.iter().map(|p| local(p).dot(axis)))
     };
     let along = |joint: Joint| {
@@ -122,13 +122,15 @@ fn stride(poses: &[Pose]) -> Option<[f32; 16]> {
         (range(poses.iter().map(|p| to(p).dot(ahead))), range(poses.iter().map(|p| to(p).dot(side))))
     };
     let speed_deviation = |joint: Joint| {
-        let speeds: Vec<f32> =
-            poses.windows(2).map(|w| w[1].position(joint).distance(w[0].position(joint)) * FRAME_RATE).collect();
+        let speeds: Vec<f32> = poses
+            .windows(2)
+            .map(|w| w[1].position(joint).distance(w[0].position(joint)) * FRAME_RATE)
+            .collect();
         100.0 * deviation(&speeds)
     };
-    let counter = range(poses.iter().map(|p| {
-        wrapped(yaw_of(p, Joint::LeftArm, Joint::RightArm) - pose_yaw(p)).to_degrees()
-    }));
+    let counter = range(
+        poses.iter().map(|p| wrapped(yaw_of(p, Joint::LeftArm, Joint::RightArm) - pose_yaw(p)).to_degrees()),
+    );
     let both = |f: &dyn Fn(Joint) -> f32, joints: [Joint; 2]| 0.5 * (f(joints[0]) + f(joints[1]));
     let mean = |f: &dyn Fn(&Pose) -> f32| poses.iter().map(f).sum::<f32>() / STRIDE as f32;
     let bob: Vec<f32> = poses.iter().map(|p| p.position(Joint::Head).z).collect();
@@ -267,7 +269,8 @@ pub fn starting(clips: &[&Clip]) -> Vec<Row> {
         let Some(start) = poses.first() else { continue };
         let foot = |pose: &Pose, side: usize| pose.position(Joint::FEET[side]).truncate();
         let gone = |frame: usize, side: usize| foot(&poses[frame], side).distance(foot(start, side)) > 0.03;
-        let Some((lift, side)) = (0..poses.len()).find_map(|f| (0..2).find(|s| gone(f, *s)).map(|s| (f, s))) else {
+        let Some((lift, side)) = (0..poses.len()).find_map(|f| (0..2).find(|s| gone(f, *s)).map(|s| (f, s)))
+        else {
             continue;
         };
         if lift < 15 {
@@ -275,7 +278,8 @@ pub fn starting(clips: &[&Clip]) -> Vec<Row> {
         }
         // Towards the standing foot, from the middle of the feet.
         let towards = (foot(start, 1 - side) - foot(start, side)).normalize_or_zero();
-        let shift = |f: usize| (poses[f].position(Joint::Hips) - start.position(Joint::Hips)).truncate().dot(towards);
+        let shift =
+            |f: usize| (poses[f].position(Joint::Hips) - start.position(Joint::Hips)).truncate().dot(towards);
         let most = shift(lift);
         let Some(begun) = (0..lift).rev().find(|f| shift(*f) < 0.15 * most) else { continue };
         rows[0].values.push(100.0 * most);

@@ -9,9 +9,9 @@ use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Quat, Vec2, Vec3};
 
-use super::curve::{keyed, mix, pendulum, running_minimum, smooth};
+use super::curve::{ease, keyed, mix, pendulum, running_minimum, smooth, soft_maximum};
 use super::foot::{FootSample, FootTrack};
-use super::limb::{self, LEG_REACH, Leg};
+use super::limb::{self, ARM_LENGTH, Arm, LEG_REACH, Leg, Trunk};
 use super::plan::{Foothold, Plan};
 use super::seat::{self, SeatState};
 use crate::library::foot::LEGS;
@@ -31,10 +31,24 @@ const STANDING_HEIGHT: f32 = 0.9885;
 const CLEAR: f32 = 0.004;
 const WIDEST: f32 = 0.30;
 const MOST_TRIES: usize = 6;
-/// A knee is turned outwards by so much at most, radians, tried in so many steps; from so many frames before to so many after.
+/// A knee is turned outwards by so much at most, radians, tried in so many steps.
 const MOST_PARTED: f32 = 0.36;
 const PARTING_STEPS: usize = 6;
-const PARTING_FRAMES: usize = 4;
+/// An arm is held off the trunk in so many steps.
+const OFF_STEPS: usize = 6;
+/// What keeps limbs clear is held for so many frames before and after.
+const HOLDING_FRAMES: usize = 4;
+/// Farthest that a wrist bends towards the thumb and towards the little finger, radians.
+const WRIST_ASIDE: (f32, f32) = (0.55, 0.75);
+/// From the wrist to the finger tips of a hand at rest, metres.
+const FINGERS: f32 = 0.15;
+/// Finger tips of a hand that lies on a thigh, from its middle, metres.
+const OVER_A_THIGH: f32 = 0.085;
+/// Farthest that a hand on a thigh is bent and turned against its forearm, radians.
+const WRIST_BEND: f32 = 0.8;
+/// A hand that reaches for the seat: how far beside its middle, and the wrist over it, metres.
+const BESIDE_THE_THIGH: f32 = 0.22;
+const WRIST_OVER_A_SEAT: f32 = 0.045;
 
 /// What the whole body follows from, sampled every [`SAMPLE_TIME`].
 struct Signals {
@@ -50,6 +64,8 @@ struct Signals {
     slow_load: Vec<f32>,
     /// Radians that each knee is turned outwards to keep clear of the other leg.
     apart: Vec<f32>,
+    /// How far each arm is held off the trunk to keep clear of it, 0 to 1.
+    off: [Vec<f32>; 2],
     /// m/s and m/s² along and to the left of the heading.
     speed: Vec<f32>,
     surge: Vec<f32>,
@@ -191,6 +207,7 @@ impl Signals {
             slow_load: smooth(&load, sigma(0.13)),
             load: smooth(&load, sigma(0.055)),
             apart: vec![0.0; n],
+            off: [vec![0.0; n], vec![0.0; n]],
             speed,
             surge,
             sideways: smooth(&sideways, sigma(0.3)),
@@ -232,8 +249,9 @@ impl Signals {
         let size = plan.style.pelvis;
         let turn = -0.185 * size * self.lead[i];
         let list = -0.058 * size * self.load[i] * self.walking(i);
-        let tilt = 0.03 + 0.02 * self.speed[i].clamp(-0.5, 1.5) + 0.012 * self.surge[i] + 0.55 * seat.lean
-            - 0.20 * seat.rest;
+        let share = plan.seat.map_or(0.5, |s| seat::pelvis_share(s.height));
+        let tilt = 0.03 + 0.02 * self.speed[i].clamp(-0.5, 1.5) + 0.012 * self.surge[i] + share * seat.lean
+            - (0.20 + 0.4 * seat::recline(plan)) * seat.rest;
         Quat::from_rotation_z(shifted(&self.yaw, i, 0.05) + turn)
             * Quat::from_rotation_x(tilt)
             * Quat::from_rotation_y(list)
@@ -248,7 +266,11 @@ impl Signals {
     fn legs(&self, plan: &Plan, i: usize) -> [Leg; 2] {
         let root = self.pelvis[i].extend(self.height[i]);
         let pelvis = self.pelvis_rotation(plan, i);
-        let spread = plan.knee_spread(i as f32 * SAMPLE_TIME) * self.seat[i].feet;
+        let t = i as f32 * SAMPLE_TIME;
+        // Who sits at ease has the knees apart, and they are never quite still.
+        let at_ease = if plan.seat.is_some_and(|s| s.at_table) { 0.0 } else { plan.style.seated.knees };
+        let stirs = 0.03 * drift(plan, t, [0.10, 0.23], [3, 5]);
+        let spread = (plan.knee_spread(t) + at_ease + stirs) * self.seat[i].feet;
         [0, 1].map(|s| {
             let sample = &self.feet[s][i];
             let sign = if s == 0 { 1.0 } else { -1.0 };
@@ -295,40 +317,32 @@ impl Signals {
         };
         let frames: Vec<usize> = (0..self.pelvis.len()).step_by(FINE).collect();
         let needed: Vec<f32> = frames.into_iter().map(|i| -least(self, i)).collect();
-        if needed.iter().all(|turn| *turn == 0.0) {
-            return;
-        }
-        let eased = smooth(&running_minimum(&needed, PARTING_FRAMES), 0.5 * PARTING_FRAMES as f32);
-        for i in 0..self.apart.len() {
-            let (frame, part) = (i / FINE, (i % FINE) as f32 / FINE as f32);
-            let next = (frame + 1).min(eased.len() - 1);
-            self.apart[i] = -mix(eased[frame], eased[next], part);
-        }
+        self.apart = held(&needed, self.apart.len());
     }
 
-    fn posture(&self, plan: &Plan, i: usize) -> Posture {
+    /// Pelvis, spine, neck and head, world rotations.
+    fn trunk(&self, plan: &Plan, i: usize, world: &mut [Quat; JOINT_COUNT]) {
         let t = i as f32 * SAMPLE_TIME;
         let style = &plan.style;
         let seat = self.seat[i];
-        let mut world = [Quat::IDENTITY; JOINT_COUNT];
-        let root_position = self.pelvis[i].extend(self.height[i]);
         let pelvis = self.pelvis_rotation(plan, i);
         world[Joint::Hips.index()] = pelvis;
 
         // Trunk: leans with speed and acceleration, against the swing of the pelvis; breathes.
-        let breath = (TAU * 0.24 * t + style.phases[4]).sin();
+        let breath = breath(plan, t);
         let calm = drift(plan, t, [0.09, 0.21], [5, 6]);
         let lean = 0.025
             + style.lean
             + 0.022 * self.speed[i].clamp(-1.0, 1.6)
             + 0.035 * self.surge[i].clamp(-2.0, 2.0)
             + seat.lean
-            + 0.03 * seat.rest
+            + (0.03 - seat::recline(plan) + 0.025 * drift(plan, t, [0.08, 0.19], [2, 6])) * seat.rest
             + 0.006 * breath
             + 0.008 * calm;
         let counter = 0.055 * self.lead[i] * style.pelvis;
         let side = (0.030 * shifted(&self.slow_load, i, -0.08) + 0.05 * self.sideways[i].clamp(-1.5, 1.5))
-            * (1.0 - seat.down);
+            * (1.0 - seat.down)
+            + 0.035 * drift(plan, t, [0.07, 0.16], [1, 4]) * seat.rest;
         let thorax = Quat::from_rotation_z(shifted(&self.yaw, i, 0.12) + counter + 0.02 * calm)
             * Quat::from_rotation_x(lean)
             * Quat::from_rotation_y(side);
@@ -339,7 +353,9 @@ impl Signals {
 
         // Head: looks where the path goes, a little down; turns before the body does.
         let look = shifted(&self.yaw, i, 0.30) - shifted(&self.yaw, i, 0.12);
-        let look = 0.9 * (look / 0.9).tanh() + 0.07 * drift(plan, t, [0.07, 0.17], [7, 0]);
+        let about = drift(plan, t, [0.07, 0.17], [7, 0]);
+        // A seated person looks about, now and then.
+        let look = 0.9 * (look / 0.9).tanh() + 0.07 * about + 0.35 * about.powi(3) * seat.rest;
         let gaze = 0.07
             + 0.05 * (self.speed[i].abs()).min(1.0)
             + 0.30 * seat.lean
@@ -348,7 +364,12 @@ impl Signals {
         let nod = thorax.inverse() * head;
         world[Joint::Neck.index()] = thorax * Quat::IDENTITY.slerp(nod, 0.5);
         world[Joint::Head.index()] = thorax * nod;
+    }
 
+    fn posture(&self, plan: &Plan, i: usize) -> Posture {
+        let mut world = [Quat::IDENTITY; JOINT_COUNT];
+        let root_position = self.pelvis[i].extend(self.height[i]);
+        self.trunk(plan, i, &mut world);
         let legs = self.legs(plan, i);
         for (s, leg) in legs.iter().enumerate() {
             let [up, low, foot, toe] = LEGS[s];
@@ -357,7 +378,13 @@ impl Signals {
             world[foot.index()] = leg.foot;
             world[toe.index()] = leg.foot * Quat::from_rotation_x(-self.feet[s][i].toe_bend);
         }
-        self.arms(plan, i, root_position, &legs, breath, &mut world);
+        let chest = (Self::chest(root_position, &world), world[Joint::Spine2.index()]);
+        for s in 0..2 {
+            let arm = self.arm(plan, i, s, chest, &legs[s]);
+            for (joint, rotation) in ARMS[s].into_iter().zip([arm.clavicle, arm.upper, arm.lower, arm.hand]) {
+                world[joint.index()] = rotation;
+            }
+        }
 
         let mut rotations = world;
         for joint in Joint::ALL {
@@ -369,84 +396,219 @@ impl Signals {
         Posture { root_position, rotations }
     }
 
-    /// Arms swing against the legs, or come to rest on the thighs.
-    fn arms(
-        &self,
-        plan: &Plan,
-        i: usize,
-        root: Vec3,
-        legs: &[Leg; 2],
-        breath: f32,
-        world: &mut [Quat; JOINT_COUNT],
-    ) {
-        let seat = self.seat[i];
-        let thorax = world[Joint::Spine2.index()];
-        let mut neck_base = root;
+    /// Where the arms hang from: the chest's joint.
+    fn chest(root: Vec3, world: &[Quat; JOINT_COUNT]) -> Vec3 {
+        let mut at = root;
         for joint in [Joint::Spine, Joint::Spine1, Joint::Spine2] {
             let parent = joint.parent().map_or(Quat::IDENTITY, |p| world[p.index()]);
-            neck_base += parent * JOINT_OFFSET[joint.index()];
+            at += parent * JOINT_OFFSET[joint.index()];
         }
-        for s in 0..2 {
-            let sign = if s == 0 { 1.0 } else { -1.0 };
-            let mirror = |q: Quat| if s == 0 { q } else { Quat::from_xyzw(q.x, -q.y, -q.z, q.w) };
-            let [clavicle, upper, lower, hand] = ARMS[s];
-            // One hand is a little ahead of the other.
-            let delay = (sign * 8.0 * plan.style.hands * FRAME_RATE * FINE as f32 * 0.25) as isize;
-            let hands = self.seat[(i as isize - delay).clamp(0, self.seat.len() as isize - 1) as usize].hands;
-            let swing = -sign * shifted(&self.lead, i, -0.02) * plan.style.arms;
-            let forward = -0.055 + 0.36 * swing + 0.9 * seat.lean * (1.0 - hands);
-            let bend = 0.27
-                + 0.11 * self.speed[i].abs().min(1.4)
-                + 0.34 * shifted(&self.lead, i, -0.05) * -sign * plan.style.arms;
-            let shrug = 0.012 * breath + 0.05 * hands;
-            let shoulder =
-                thorax * mirror(Quat::from_rotation_y(-shrug) * Quat::from_rotation_z(-0.10 * swing));
-            let away = 0.175 + 0.02 * self.speed[i].abs().min(1.5);
-            let hang_upper = thorax
-                * mirror(
-                    Quat::from_rotation_x(-forward)
-                        * Quat::from_rotation_y(FRAC_PI_2 - away)
-                        * Quat::from_rotation_x(0.42),
-                );
-            let hang_lower = hang_upper * mirror(Quat::from_rotation_z(-bend.max(0.10)));
-            let hang_hand = hang_lower * mirror(Quat::from_rotation_x(0.15) * Quat::from_rotation_z(-0.06));
-            let (upper_rotation, lower_rotation, hand_rotation) = if hands > 0.0 {
-                let Leg { hip, thigh, .. } = legs[s];
-                let joint = neck_base
-                    + thorax * JOINT_OFFSET[clavicle.index()]
-                    + shoulder * JOINT_OFFSET[upper.index()];
-                let to_elbow = hang_upper * JOINT_OFFSET[lower.index()];
-                let hanging = joint + to_elbow + hang_lower * JOINT_OFFSET[hand.index()];
-                // Towards the knees while the trunk leans over them.
-                // At a table the hands come back into the lap, and the elbows stay close to the body.
-                let at_table = plan.seat.is_some_and(|s| s.at_table);
-                let near = if at_table {
-                    mix(-0.255, -0.12, plan.swivelled(i as f32 * SAMPLE_TIME))
-                } else {
-                    -0.255
-                };
-                let elbows_out = if at_table { 0.10 } else { 0.38 };
-                let along = near + sign * plan.style.hands - 0.13 * (seat.lean / 0.7).min(1.0);
-                let resting = hip + thigh * Vec3::new(-0.012 * sign, -0.092, along);
-                // Up and over the edge of the thigh, not through it.
-                let arch = (PI * hands).sin() * (1.0 - 0.3 * hands);
-                let over = thigh * Vec3::new(0.05 * sign, -0.075, 0.0) * arch;
-                let wrist = hanging.lerp(resting, hands) + over;
-                let line = (hanging - joint).normalize_or(Vec3::NEG_Z);
-                let hung = (to_elbow - line * to_elbow.dot(line)).normalize_or(Vec3::Y);
-                let elbow = hung.lerp(thorax * Vec3::new(elbows_out * sign, 0.85, -0.50), hands);
-                let (u, l) = limb::arm(sign, joint, wrist, elbow);
-                let flat = flat_hand(sign, thigh);
-                (u, l, (l * (hang_lower.inverse() * hang_hand)).slerp(l.slerp(flat, 0.8), hands))
-            } else {
-                (hang_upper, hang_lower, hang_hand)
-            };
-            world[clavicle.index()] = shoulder;
-            world[upper.index()] = upper_rotation;
-            world[lower.index()] = lower_rotation;
-            world[hand.index()] = hand_rotation;
+        at
+    }
+
+    /// Arms swing against the legs, or come to rest on the thighs, by way of the seat where they reach for it.
+    fn arm(&self, plan: &Plan, i: usize, s: usize, chest: (Vec3, Quat), leg: &Leg) -> Arm {
+        let t = i as f32 * SAMPLE_TIME;
+        let (seat, style) = (self.seat[i], &plan.style);
+        let breath = breath(plan, t);
+        let (chest, thorax) = chest;
+        let sign = if s == 0 { 1.0 } else { -1.0 };
+        let mirror = |q: Quat| if s == 0 { q } else { Quat::from_xyzw(q.x, -q.y, -q.z, q.w) };
+        let [clavicle, upper, lower, hand_joint] = ARMS[s];
+        let off = self.off[s][i];
+        // One hand is a little ahead of the other.
+        let delay = (sign * 8.0 * style.hands * FRAME_RATE * FINE as f32 * 0.25) as isize;
+        let hands = self.seat[(i as isize - delay).clamp(0, self.seat.len() as isize - 1) as usize].hands;
+        let swing = -sign * shifted(&self.lead, i, -0.02) * style.arms;
+        let forward = -0.055 + 0.36 * swing + 0.9 * seat.lean * (1.0 - hands);
+        let bend = 0.27
+            + 0.11 * self.speed[i].abs().min(1.4)
+            + 0.34 * shifted(&self.lead, i, -0.05) * -sign * style.arms;
+        let shrug = 0.012 * breath + 0.05 * hands;
+        let shoulder = thorax * mirror(Quat::from_rotation_y(-shrug) * Quat::from_rotation_z(-0.10 * swing));
+        let away = 0.175 + 0.02 * self.speed[i].abs().min(1.5) + 0.30 * off;
+        let hang_upper = thorax
+            * mirror(
+                Quat::from_rotation_x(-forward)
+                    * Quat::from_rotation_y(FRAC_PI_2 - away)
+                    * Quat::from_rotation_x(0.42),
+            );
+        let hang_lower = hang_upper * mirror(Quat::from_rotation_z(-bend.max(0.10)));
+        let hang_hand = hang_lower * mirror(Quat::from_rotation_x(0.15) * Quat::from_rotation_z(-0.06));
+        let joint = chest + thorax * JOINT_OFFSET[clavicle.index()] + shoulder * JOINT_OFFSET[upper.index()];
+        let hanging = Arm {
+            sign,
+            shoulder: joint,
+            clavicle: shoulder,
+            upper: hang_upper,
+            lower: hang_lower,
+            hand: hang_hand,
+        };
+        let reach = seat.reach
+            * style.seated.reach[s]
+            * plan.seat.map_or(0.0, |s| if s.at_table { 0.0 } else { 1.0 });
+        if hands <= 0.0 && reach <= 0.0 {
+            return hanging;
+        }
+        let to_elbow = hang_upper * JOINT_OFFSET[lower.index()];
+        let hung_wrist = joint + to_elbow + hang_lower * JOINT_OFFSET[hand_joint.index()];
+        // Towards the knees while the trunk leans over them.
+        // At a table the hands come back into the lap, and the elbows stay close to the body.
+        let rest = style.seated.hands[s];
+        let at_table = plan.seat.is_some_and(|s| s.at_table);
+        let (along, elbows_out) = if at_table {
+            (mix(0.255, 0.19, plan.swivelled(t)), 0.20)
+        } else {
+            (rest.along + 0.012 * drift(plan, t, [0.06, 0.15], [s, 7]), 0.38)
+        };
+        let along = along - sign * style.hands + 0.15 * (seat.lean / 1.2).min(1.0);
+        let inwards = if at_table { 0.012 } else { rest.inwards };
+        let resting = leg.hip + leg.thigh * Vec3::new(-inwards * sign, -0.092, -along);
+        let mut from = hung_wrist;
+        if let Some(place) = plan.seat.filter(|_| reach > 0.0) {
+            let beside =
+                plan.seat_place(&place, t) + rotate(self.yaw[i], Vec2::new(BESIDE_THE_THIGH * sign, -0.06));
+            from = from.lerp(beside.extend(place.height + WRIST_OVER_A_SEAT), reach);
+        }
+        let laid = hands * (1.0 - reach);
+        let mut wrist = round_the_thigh(leg, sign, from, resting, laid);
+        wrist += thorax * Vec3::new(0.05 * sign, -0.06, 0.0) * off;
+        wrist = within_reach(joint, wrist);
+        let line = (hung_wrist - joint).normalize_or(Vec3::NEG_Z);
+        let hung = (to_elbow - line * to_elbow.dot(line)).normalize_or(Vec3::Y);
+        let bent = hands.max(reach);
+        let elbow = hung.lerp(thorax * Vec3::new((elbows_out + 0.9 * off) * sign, 0.85, -0.50), bent);
+        let (u, l) = limb::arm(sign, joint, wrist, elbow);
+        let flat = flat_hand(sign, leg.thigh);
+        let eased = l * (hang_lower.inverse() * hang_hand);
+        let flat = bent_at_most(l, l.slerp(flat, 0.8), WRIST_BEND);
+        let hand = eased.slerp(flat, ease(laid, 0.45, 1.0));
+        let wrist = joint + u * JOINT_OFFSET[lower.index()] + l * JOINT_OFFSET[hand_joint.index()];
+        let room = mix(0.115, OVER_A_THIGH, ease(laid, 0.8, 1.0));
+        let hand = fingers_over_the_thigh(leg, sign, wrist, hand, room);
+        Arm { upper: u, lower: l, hand, ..hanging }
+    }
+
+    /// Holds arms off the trunk where they would touch it.
+    fn free_arms(&mut self, plan: &Plan) {
+        let frames: Vec<usize> = (0..self.pelvis.len()).step_by(FINE).collect();
+        let mut needed = [0, 1].map(|_| vec![0.0f32; frames.len()]);
+        for (frame, &i) in frames.iter().enumerate() {
+            let root = self.pelvis[i].extend(self.height[i]);
+            let mut world = [Quat::IDENTITY; JOINT_COUNT];
+            self.trunk(plan, i, &mut world);
+            let hips = world[Joint::Hips.index()];
+            let waist = root
+                + hips * JOINT_OFFSET[Joint::Spine.index()]
+                + world[Joint::Spine.index()] * JOINT_OFFSET[Joint::Spine1.index()];
+            let chest = (Self::chest(root, &world), world[Joint::Spine2.index()]);
+            let trunk = Trunk::new([(root, hips), (waist, world[Joint::Spine1.index()]), chest]);
+            let legs = self.legs(plan, i);
+            for s in 0..2 {
+                for tried in 0..=OFF_STEPS {
+                    self.off[s][i] = tried as f32 / OFF_STEPS as f32;
+                    if trunk.depth_of(&self.arm(plan, i, s, chest, &legs[s])) <= 0.0 {
+                        break;
+                    }
+                }
+                needed[s][frame] = -self.off[s][i];
+            }
+        }
+        for (off, needed) in self.off.iter_mut().zip(&needed) {
+            *off = held(needed, off.len());
         }
     }
+}
+
+/// What is needed in single frames (negative), held over some frames before and after and eased in and out, at every sample.
+fn held(needed: &[f32], samples: usize) -> Vec<f32> {
+    if needed.iter().all(|value| *value == 0.0) {
+        return vec![0.0; samples];
+    }
+    let eased = smooth(&running_minimum(needed, HOLDING_FRAMES), 0.5 * HOLDING_FRAMES as f32);
+    let at = |i: usize| {
+        let (frame, part) = (i / FINE, (i % FINE) as f32 / FINE as f32);
+        -mix(eased[frame], eased[(frame + 1).min(eased.len() - 1)], part)
+    };
+    (0..samples).map(at).collect()
+}
+
+fn breath(plan: &Plan, t: f32) -> f32 {
+    (TAU * 0.24 * t + plan.style.phases[4]).sin()
+}
+
+/// A wrist drawn in to where an arm reaches without its elbow snapping straight.
+fn within_reach(shoulder: Vec3, wrist: Vec3) -> Vec3 {
+    const EASY: f32 = 0.92 * ARM_LENGTH;
+    const MOST: f32 = 0.99 * ARM_LENGTH;
+    let span = wrist - shoulder;
+    let over = span.length() - EASY;
+    if over <= 0.0 {
+        return wrist;
+    }
+    shoulder + span.normalize() * (EASY + (MOST - EASY) * (over / (MOST - EASY)).tanh())
+}
+
+/// Hands eased from frame to frame where they are laid down or taken up, and no further aside than wrists go.
+fn ease_hands(postures: &mut [Posture]) {
+    for (s, [.., hand]) in ARMS.into_iter().enumerate() {
+        let sign = if s == 0 { 1.0 } else { -1.0 };
+        let raw: Vec<Quat> = postures.iter().map(|p| p.rotations[hand.index()]).collect();
+        for (f, posture) in postures.iter_mut().enumerate() {
+            let near = |k: isize| raw[(f as isize + k).clamp(0, raw.len() as isize - 1) as usize];
+            let sum = (-4..=4isize).fold(Quat::from_xyzw(0.0, 0.0, 0.0, 0.0), |sum, k| {
+                let weight = (-0.5 * (k as f32 / 1.8).powi(2)).exp();
+                let q = near(k);
+                sum + q * if q.dot(raw[f]) < 0.0 { -weight } else { weight }
+            });
+            let eased = sum.normalize();
+            // The little finger's side is behind the left hand, palm down.
+            let aside = (eased * Vec3::X * sign).y.clamp(-1.0, 1.0).asin();
+            let over = aside - aside.clamp(-WRIST_ASIDE.0, WRIST_ASIDE.1);
+            posture.rotations[hand.index()] = Quat::from_rotation_z(-sign * over) * eased;
+        }
+    }
+}
+
+/// A point by a thigh: how far along it from the hip, and beside its axis.
+fn by_thigh(leg: &Leg, point: Vec3) -> (f32, Vec3) {
+    let bone = leg.thigh * Vec3::NEG_Z;
+    let along = (point - leg.hip).dot(bone);
+    (along, point - leg.hip - bone * along)
+}
+
+/// The way of a wrist from beside a thigh onto it, at `part`: round its outer side (`sign` 1 left, -1 right), not through it.
+fn round_the_thigh(leg: &Leg, sign: f32, from: Vec3, onto: Vec3, part: f32) -> Vec3 {
+    let (outward, upward) = (leg.thigh * Vec3::X * sign, leg.thigh * Vec3::NEG_Y);
+    let polar = |point: Vec3| {
+        let (along, out) = by_thigh(leg, point);
+        (along, out.length(), out.dot(upward).atan2(out.dot(outward)))
+    };
+    let (from, onto) = (polar(from), polar(onto));
+    let along = mix(from.0, onto.0, part);
+    let room = mix(0.125, 0.0, ease(part, 0.6, 1.0)) * ease(along, -0.05, 0.10);
+    let radius = soft_maximum(mix(from.1, onto.1, part), room, 0.01);
+    let angle = mix(from.2, onto.2, part);
+    leg.hip + leg.thigh * Vec3::NEG_Z * along + (outward * angle.cos() + upward * angle.sin()) * radius
+}
+
+/// A hand turned until its finger tips are `room` (metres) from the middle of the thigh.
+fn fingers_over_the_thigh(leg: &Leg, sign: f32, wrist: Vec3, hand: Quat, room: f32) -> Quat {
+    let fingers = hand * Vec3::new(FINGERS * sign, 0.0, -0.02);
+    let away = by_thigh(leg, wrist).1.normalize_or_zero();
+    let (along, out) = by_thigh(leg, wrist + fingers);
+    let height = out.dot(away);
+    let beside = out.length_squared() - height * height;
+    let room = room * ease(along, -0.05, 0.10) * (1.0 - ease(along, LEG_LENGTH, LEG_LENGTH + 0.10));
+    let needed = (room * room - beside).max(0.0).sqrt();
+    let raised = fingers + away * (soft_maximum(height, needed, 0.01) - height);
+    Quat::from_rotation_arc(fingers.normalize(), raised.normalize_or(fingers.normalize())) * hand
+}
+
+/// A hand's rotation bent back to within `most` radians of its forearm's.
+fn bent_at_most(forearm: Quat, hand: Quat, most: f32) -> Quat {
+    let angle = forearm.angle_between(hand);
+    if angle > most { forearm.slerp(hand, most / angle) } else { hand }
 }
 
 /// A hand that lies on the thigh: fingers towards the knee and a little inwards, palm on it.
@@ -512,8 +674,12 @@ pub(super) fn animate(plan: &Plan) -> Motion {
         signals = Signals::of(plan, &wider);
     }
     signals.part_knees(plan);
+    signals.free_arms(plan);
     let frames = (signals.pelvis.len() - 1) / FINE + 1;
-    let postures: Vec<Posture> = (0..frames).map(|f| signals.posture(plan, f * FINE)).collect();
+    let mut postures: Vec<Posture> = (0..frames).map(|f| signals.posture(plan, f * FINE)).collect();
+    if plan.seat.is_some() {
+        ease_hands(&mut postures);
+    }
     let contacts = (0..frames).map(|f| contact(&signals, f * FINE)).collect();
     Motion { postures, contacts }
 }

@@ -7,8 +7,11 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 use super::body::animate;
-use super::plan::{Plan, Planner, SETTLE_SECONDS, STANDING_WIDTH, SWIVEL_FROM, Seat, Seating, Stride};
-use super::seat::{TUCKED, seated_legs};
+use super::curve::mix;
+use super::plan::{
+    Plan, Planner, SETTLE_SECONDS, STANDING_WIDTH, SWIVEL_FROM, Seat, Seating, Stride, seated_foothold,
+};
+use super::seat::{TUCKED, seated_legs, way_down};
 use super::style::Style;
 use crate::action::ActionLabel;
 use crate::error::Result;
@@ -91,7 +94,7 @@ fn segments(plan: &Plan, frames: usize) -> Vec<Segment> {
         let (first, last) = (group[0], group[group.len() - 1]);
         spans.push((first.lift - 0.35, ActionLabel::Walk, 0.0));
         let into_seat =
-            plan.seatings.iter().find(|s| s.down && s.start >= last.lift && s.start < last.land + 0.6);
+            plan.seatings.iter().find(|s| s.down && s.start > last.lift - 0.2 && s.start < last.land + 0.6);
         if into_seat.is_some() {
             let begin = group[group.len().saturating_sub(3)].lift - if group.len() <= 3 { 0.35 } else { 0.0 };
             spans.push((begin, ActionLabel::Sit, 0.0));
@@ -299,19 +302,25 @@ const CLEAR_OF_THE_BAR: f32 = 0.16;
 const KNEES_APART: f32 = 0.72;
 const FEET_AT_THE_BAR: f32 = 0.20;
 
-/// Seconds from the first lean to sitting.
-fn way_down(height: f32) -> f32 {
-    2.45 - 0.9 * (height - 0.30)
+/// Of the way down, when each foot is set as one sits.
+const FEET_SET: [f32; 2] = [0.47, 0.66];
+/// Seconds before the last foot is down that the trunk begins to lean.
+const LEANS_BEFORE: f32 = 0.35;
+
+/// Sits down; the last `turn` (radians) of the way round is made while sinking.
+fn sit_down(p: &mut Planner, height: f32, tuck: f32, turn: f32) {
+    sit_down_and_swivel(p, height, tuck, Swivel { sinking: turn, ..Swivel::default() });
 }
 
-fn sit_down(p: &mut Planner, height: f32, tuck: f32) {
-    sit_down_and_swivel(p, height, tuck, Swivel::default());
-}
+/// Feet come back by so much before one gets up, metres.
+const DRAWN_BACK: f32 = 0.07;
 
 /// What one does on a seat before one sits as one stays.
 #[derive(Debug, Clone, Copy, Default)]
 struct Swivel {
-    /// Radians, left positive.
+    /// Radians made while sinking, left positive.
+    sinking: f32,
+    /// Radians made on the seat.
     turn: f32,
     /// Metres that the pelvis moves back meanwhile.
     back: f32,
@@ -321,9 +330,9 @@ struct Swivel {
 
 fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) {
     let mut seat = seat_behind(p, height, tuck);
-    // The trunk begins to lean as the last foot comes down.
-    let start = p.now() - if p.stepped() { 0.15 } else { 0.0 };
-    let end = start + way_down(height);
+    // The trunk begins to lean before the last foot is down.
+    let start = p.now() - if p.stepped() { LEANS_BEFORE } else { 0.0 };
+    let end = start + way_down(height, p.style().seated.pace);
     let mut settled = end;
     if swivel.turn != 0.0 {
         seat.at_table = true;
@@ -331,13 +340,27 @@ fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) 
         seat.shift = rotate(p.yaw() + swivel.turn, Vec2::Y) * swivel.back;
         p.stand(start + SWIVEL_FROM * (end - start) - p.now());
         let count = (swivel.turn.abs() / 0.9).ceil() as usize;
-        p.swivel(swivel.turn, count, seated_legs(height, tuck).ankle_ahead, seat.shift);
+        // Who has to keep the knees apart has the feet under them.
+        let width = if swivel.spread > 0.0 { STANDING_WIDTH } else { 0.85 * p.style().seated.width };
+        p.swivel(swivel.turn, count, seated_legs(height, tuck).ankle_ahead, seat.shift, width);
         settled = settled.max(p.now() + SETTLE_SECONDS);
+    } else if !seated_legs(height, tuck).hanging {
+        if tuck > 0.0 {
+            // Feet that are drawn back have little room to go further.
+            p.plan_mut().style.seated.stagger *= 0.3;
+        }
+        let lifts = FEET_SET.map(|part| mix(start, end, part));
+        p.settle(seat.pelvis, seated_legs(height, tuck).ankle_ahead, swivel.sinking, lifts);
     }
     let plan = p.plan_mut();
     plan.seat = Some(seat);
     plan.seatings.push(Seating { down: true, start, end, settled });
     p.stand(settled - p.now() + 0.1);
+}
+
+/// How much of a turn before a seat is made while sinking, degrees. Feet that hang turn with the pelvis alone.
+fn turned_while_sinking(height: f32, degrees: f32) -> f32 {
+    if seated_legs(height, 0.0).hanging { 0.0 } else { (0.35 * degrees).min(18.0) }
 }
 
 fn seats(out: &mut Vec<Recipe>) {
@@ -346,17 +369,18 @@ fn seats(out: &mut Vec<Recipe>) {
         for degrees in [0.0f32, 30.0, 60.0, 90.0] {
             let mut p = planner(out, 0);
             p.stand(STANDING_SECONDS + 0.1);
+            let sinking = turned_while_sinking(height, degrees);
             if degrees > 0.0 {
-                let pairs = (degrees / 50.0).ceil() as usize;
-                p.turn_on_spot(degrees.to_radians(), pairs);
+                let pairs = ((degrees - sinking) / 50.0).ceil() as usize;
+                p.turn_on_spot((degrees - sinking).to_radians(), pairs);
             }
-            sit_down(&mut p, height, 0.0);
+            sit_down(&mut p, height, 0.0, sinking.to_radians());
             add(out, format!("sit {cm} cm, turn {degrees}°"), p, 0.0);
         }
         // A back step to the seat, then down.
         let mut p = planner(out, 1);
         p.stand(STANDING_SECONDS + 0.1).back_step(0.22, 0.42, 0.0).close(0.42);
-        sit_down(&mut p, height, 0.0);
+        sit_down(&mut p, height, 0.0, 0.0);
         add(out, format!("sit {cm} cm, back step"), p, 0.0);
         if (0.40..0.56).contains(&height) {
             tucked_sits(out, height);
@@ -366,29 +390,44 @@ fn seats(out: &mut Vec<Recipe>) {
         }
         for degrees in [90.0f32, 135.0, 180.0] {
             let mut p = planner(out, if degrees > 100.0 { 1 } else { 0 });
-            let from = walk_up_and_turn(&mut p, 0.8, degrees.to_radians());
-            sit_down(&mut p, height, 0.0);
+            let sinking = turned_while_sinking(height, degrees);
+            let from = walk_up_and_turn(&mut p, 0.8, (degrees - sinking).to_radians());
+            sit_down(&mut p, height, 0.0, sinking.to_radians());
             add(out, format!("sit {cm} cm, walk up from {}°", 180.0 - degrees), p, from);
         }
         for walk_off in [false, true] {
-            let mut p = planner(out, 0);
-            let seat = seat_behind(&p, height, 0.0);
-            let plan = p.plan_mut();
-            plan.seat = Some(seat);
-            let end = 0.8 + 0.88 * way_down(height);
-            plan.seatings.push(Seating { down: false, start: 0.8, end, settled: end });
-            p.stand(end);
+            let mut p = seated_planner(out, height, DRAWN_BACK);
+            let start = 0.9;
+            let end = start + 0.8 * way_down(height, p.style().seated.pace);
+            if !seated_legs(height, 0.0).hanging {
+                p.draw_back([start - 0.35, mix(start, end, 0.06)]);
+            }
+            p.plan_mut().seatings.push(Seating { down: false, start, end, settled: end });
+            p.stand(end - p.now());
             if walk_off {
                 p.step(0.8, 0.6, 0.0).walk(2, 0.9, 0.0).stop(0.8);
             }
             add(out, format!("stand up {cm} cm{}", if walk_off { " and walk" } else { "" }), p, 0.0);
         }
-        let mut p = planner(out, 0);
-        let seat = seat_behind(&p, height, 0.0);
-        p.plan_mut().seat = Some(seat);
-        p.stand(7.0);
+        let mut p = seated_planner(out, height, 0.0);
+        p.stand(9.0);
         add(out, format!("seated {cm} cm"), p, 0.0);
     }
+}
+
+/// Seated, with the feet as one sits; they come back by `drawn_back` metres as one gets up.
+fn seated_planner(out: &[Recipe], height: f32, drawn_back: f32) -> Planner {
+    let mut p = planner(out, 0);
+    let legs = seated_legs(height, 0.0);
+    let mut seat = seat_behind(&p, height, 0.0);
+    if !legs.hanging {
+        seat.pelvis -= rotate(p.yaw(), Vec2::Y) * drawn_back;
+        let under_knees = seat.pelvis + rotate(p.yaw(), Vec2::NEG_Y) * legs.ankle_ahead;
+        let style = *p.style();
+        p.plan_mut().feet = [0, 1].map(|side| seated_foothold(under_knees, p.yaw(), side, &style));
+    }
+    p.plan_mut().seat = Some(seat);
+    p
 }
 
 /// Sits with the feet drawn back, as between a chair and its table: from standing, turning, and from the side.
@@ -400,7 +439,7 @@ fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
         if degrees > 0.0 {
             p.turn_on_spot(degrees.to_radians(), (degrees / 50.0).ceil() as usize);
         }
-        sit_down(&mut p, height, TUCKED);
+        sit_down(&mut p, height, TUCKED, 0.0);
         add(out, format!("sit {cm} cm tucked, turn {degrees}°"), p, 0.0);
     }
     for steps in [1, 2] {
@@ -409,7 +448,7 @@ fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
         for _ in 0..steps {
             p.side_step(0.26, 0.40);
         }
-        sit_down(&mut p, height, TUCKED);
+        sit_down(&mut p, height, TUCKED, 0.0);
         add(out, format!("sit {cm} cm tucked, {steps} side steps"), p, 0.0);
     }
 }
@@ -419,10 +458,10 @@ fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
 fn swivelling_sits(out: &mut Vec<Recipe>, height: f32) {
     for (half, back) in [("middle", 0.0), ("front", CLEAR_OF_THE_BACK)] {
         for degrees in [60.0f32, 90.0] {
-            let swivel = Swivel { turn: degrees.to_radians(), back, spread: 0.0 };
+            let swivel = Swivel { turn: degrees.to_radians(), back, ..Swivel::default() };
             sideways_sit(out, height, half, 0.0, swivel, Arriving::Turning(0.0));
         }
-        let swivel = Swivel { turn: FRAC_PI_2, back, spread: 0.0 };
+        let swivel = Swivel { turn: FRAC_PI_2, back, ..Swivel::default() };
         for arriving in FROM_THE_SIDE {
             sideways_sit(out, height, half, 0.0, swivel, arriving);
         }
@@ -432,7 +471,8 @@ fn swivelling_sits(out: &mut Vec<Recipe>, height: f32) {
 /// Sits down on the side of a high stool, on its rear half, turns and moves in with the knees apart and the feet drawn
 /// back: so one sits at a bar whose panel is nearer than knees reach.
 fn sits_at_a_bar(out: &mut Vec<Recipe>, height: f32) {
-    let swivel = Swivel { turn: FRAC_PI_2, back: -CLEAR_OF_THE_BAR, spread: KNEES_APART };
+    let swivel =
+        Swivel { turn: FRAC_PI_2, back: -CLEAR_OF_THE_BAR, spread: KNEES_APART, ..Swivel::default() };
     for arriving in [Arriving::Turning(0.0)].into_iter().chain(FROM_THE_SIDE) {
         sideways_sit(out, height, "rear, knees apart", FEET_AT_THE_BAR, swivel, arriving);
     }

@@ -88,6 +88,12 @@ pub(super) fn keyed(keys: &[(f32, f32)], t: f32) -> f32 {
     mix(a.1, b.1, 0.5 - 0.5 * (0.5 * TAU * u).cos())
 }
 
+/// The larger of two, rounded over `width` where they cross; never below either.
+pub(super) fn soft_maximum(a: f32, b: f32, width: f32) -> f32 {
+    let h = (0.5 + 0.5 * (a - b) / width).clamp(0.0, 1.0);
+    mix(b, a, h) + width * h * (1.0 - h)
+}
+
 /// Gaussian smoothing with the standard deviation `sigma` in samples; the ends are held.
 pub(super) fn smooth(values: &[f32], sigma: f32) -> Vec<f32> {
     let radius = (3.0 * sigma).ceil() as isize;

@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 
 use glam::{Quat, Vec2, Vec3};
 
-use super::curve::{Spline, ease, minimum_jerk, mix};
+use super::curve::{Spline, ease, minimum_jerk, mix, soft_maximum};
 use super::plan::{BALL, Foothold, Plan, Step, ball_of};
 use crate::math::planar::rotate;
 use crate::motion::Joint;
@@ -130,7 +130,14 @@ fn blend(values: [f32; 3], forward: f32) -> f32 {
 impl Flight {
     /// `effort`: how high the foot is lifted and how far the heel is, 1 in walking; `wider`: metres that the foot goes further
     /// round the standing leg than the feet alone need.
-    fn new(from: Foothold, step: &Step, earliest_rise: f32, other: Foothold, effort: f32, wider: f32) -> Self {
+    fn new(
+        from: Foothold,
+        step: &Step,
+        earliest_rise: f32,
+        other: Foothold,
+        effort: f32,
+        wider: f32,
+    ) -> Self {
         let &Step { lift, land, to, .. } = step;
         let swing = land - lift;
         let rise = (lift - (0.6 * swing).clamp(0.16, 0.40)).max(earliest_rise);
@@ -234,12 +241,6 @@ impl Flight {
         let lifted = if u < STRIKE { soft_maximum(self.height.at(u), rest, 0.004) } else { rest };
         FootSample { ball: at.extend(TOE_HEIGHT + lifted.max(0.0)), yaw, pitch, toe_bend, planted: false }
     }
-}
-
-/// The larger of two, rounded over `width` where they cross; never below either.
-fn soft_maximum(a: f32, b: f32, width: f32) -> f32 {
-    let h = (0.5 + 0.5 * (a - b) / width).clamp(0.0, 1.0);
-    mix(b, a, h) + width * h * (1.0 - h)
 }
 
 static PROGRESS_SPLINE: LazyLock<Spline> = LazyLock::new(|| Spline::new(&PROGRESS, (0.0, 0.0)));

@@ -119,12 +119,19 @@ impl Plan {
         self.steps.iter().filter(|step| !self.is_seated(step))
     }
 
-    /// Whether the person sits while taking this step.
+    /// Whether the person sits while taking this step, or a seat all but carries them.
     pub(super) fn is_seated(&self, step: &Step) -> bool {
-        let past = self.seatings.iter().rev().find(|s| s.start < step.lift);
-        past.is_some_and(|s| s.down && step.lift >= 0.5 * (s.start + s.end))
+        let part = |s: &Seating| (step.lift - s.start) / (s.end - s.start);
+        match self.seatings.iter().rev().find(|s| s.start < step.lift) {
+            Some(s) if s.down => part(s) >= FEET_FREE.0,
+            Some(s) => part(s) < FEET_FREE.1,
+            None => self.seat.is_some() && self.seatings.first().is_none_or(|s| !s.down),
+        }
     }
 }
+
+/// From where on the way down, and until where on the way up, feet are set without carrying the body.
+const FEET_FREE: (f32, f32) = (0.45, 0.3);
 
 /// Metres between the ankles while standing.
 pub(super) const STANDING_WIDTH: f32 = 0.17;
@@ -226,8 +233,7 @@ impl Planner {
         self.yaw += stride.turn;
         let lift = self.free.max(self.landed + stride.double_support);
         let to = foothold(self.position, self.yaw, side, stride.width, &self.plan.style);
-        let from =
-            self.plan.steps.iter().rev().find(|s| s.side == side).map_or(self.plan.feet[side], |s| s.to);
+        let from = self.foot(side);
         // A small step is a quick one.
         let way = ball_of(&to).distance(ball_of(&from));
         let land = lift + stride.swing.min(SHORTEST_SWING + SWING_PER_METRE * way);
@@ -331,22 +337,64 @@ impl Planner {
     }
 
     /// Turns on the seat by `total` (radians, left positive) in `count` pairs of steps round the pelvis, the inner foot
-    /// first. `radius`: ankles from the pelvis joint, metres; the pelvis moves by `shift` meanwhile.
-    pub(super) fn swivel(&mut self, total: f32, count: usize, radius: f32, shift: Vec2) -> &mut Self {
+    /// first, which come to stand `width` apart. `radius`: ankles from the pelvis joint, metres; the pelvis moves by `shift`
+    /// meanwhile.
+    pub(super) fn swivel(
+        &mut self,
+        total: f32,
+        count: usize,
+        radius: f32,
+        shift: Vec2,
+        width: f32,
+    ) -> &mut Self {
         self.turn_in_pairs(total, count, |planner, turn| {
             let chord = rotate(turn, Vec2::NEG_Y) - Vec2::NEG_Y;
             // What the stride does to the body's frame, seen from half-way between both headings.
             let moved = rotate(-(planner.yaw + 0.5 * turn), shift) / (2 * count) as f32;
             let local = rotate(-0.5 * turn, radius * chord) + moved;
-            Stride {
-                forward: -local.y,
-                left: local.x,
-                turn,
-                width: STANDING_WIDTH,
-                swing: 0.40,
-                double_support: 0.08,
-            }
+            Stride { forward: -local.y, left: local.x, turn, width, swing: 0.40, double_support: 0.08 }
         })
+    }
+
+    /// Feet set as one sits: apart and one ahead of the other, at the times given, after a turn by `turn` (radians, left
+    /// positive) about the pelvis at `pelvis`. `ahead`: ankles from the pelvis joint, metres.
+    pub(super) fn settle(&mut self, pelvis: Vec2, ahead: f32, turn: f32, lifts: [f32; 2]) -> &mut Self {
+        self.yaw += turn;
+        self.position = pelvis + rotate(self.yaw, Vec2::NEG_Y) * ahead;
+        let first = match turn {
+            0.0 => self.plan.style.seated.first,
+            left if left > 0.0 => 0,
+            _ => 1,
+        };
+        for (side, lift) in [first, 1 - first].into_iter().zip(lifts) {
+            let to = seated_foothold(self.position, self.yaw, side, &self.plan.style);
+            self.set_foot(side, lift.max(self.landed + 0.02), to);
+        }
+        self
+    }
+
+    /// Feet drawn back from where one sits to where one gets up.
+    pub(super) fn draw_back(&mut self, lifts: [f32; 2]) -> &mut Self {
+        let first = self.plan.style.seated.first;
+        for (side, lift) in [first, 1 - first].into_iter().zip(lifts) {
+            let to = foothold(self.position, self.yaw, side, STANDING_WIDTH, &self.plan.style);
+            self.set_foot(side, lift.max(self.landed + 0.02), to);
+        }
+        self
+    }
+
+    /// A small step that carries nothing.
+    fn set_foot(&mut self, side: usize, lift: f32, to: Foothold) {
+        let from = self.foot(side);
+        let land = lift + SHORTEST_SWING + 0.05 + SWING_PER_METRE * ball_of(&to).distance(ball_of(&from));
+        self.plan.steps.push(Step { side, lift, land, to });
+        self.landed = land;
+        self.next = 1 - side;
+    }
+
+    /// Where a foot stands after all steps so far.
+    fn foot(&self, side: usize) -> Foothold {
+        self.plan.steps.iter().rev().find(|s| s.side == side).map_or(self.plan.feet[side], |s| s.to)
     }
 
     /// One step backwards by `length` metres at `speed`.
@@ -368,9 +416,22 @@ impl Planner {
         self.plan
     }
 
+    pub(super) fn style(&self) -> &Style {
+        &self.plan.style
+    }
+
     /// For what a stride cannot say: seats.
     pub(super) fn plan_mut(&mut self) -> &mut Plan {
         &mut self.plan
+    }
+}
+
+/// The same of a seated person: apart and one ahead.
+pub(super) fn seated_foothold(position: Vec2, yaw: f32, side: usize, style: &Style) -> Foothold {
+    let sign = if side == 0 { 1.0 } else { -1.0 };
+    Foothold {
+        ankle: position + rotate(yaw, 0.5 * sign * Vec2::new(style.seated.width, -style.seated.stagger)),
+        yaw: yaw + sign * (TOE_OUT * style.toe_out + 0.5 * style.seated.knees),
     }
 }
 
