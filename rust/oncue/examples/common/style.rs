@@ -273,7 +273,8 @@ pub fn starting(clips: &[&Clip]) -> Vec<Row> {
         else {
             continue;
         };
-        if lift < 15 {
+        // A foot that is set while sitting shifts no weight.
+        if lift < 15 || poses[lift].position(Joint::Hips).z < 0.85 {
             continue;
         }
         // Towards the standing foot, from the middle of the feet.

@@ -5,14 +5,14 @@
 //! weight shift before the first step. The size of rotations and of arm swing per metre between the feet is that of the
 //! walks named in [`super::foot`]: pelvis ±7° about the vertical and ±4° to the side, shoulders nearly still, upper arms -15° to +10°.
 
-use std::f32::consts::{FRAC_PI_2, PI, TAU};
+use std::f32::consts::{FRAC_PI_2, TAU};
 
 use glam::{Quat, Vec2, Vec3};
 
 use super::curve::{ease, keyed, mix, pendulum, running_minimum, smooth, soft_maximum};
 use super::foot::{FootSample, FootTrack};
 use super::limb::{self, ARM_LENGTH, Arm, LEG_REACH, Leg, Trunk};
-use super::plan::{Foothold, Plan};
+use super::plan::{Foothold, Plan, WEIGHT_SHIFT};
 use super::seat::{self, SeatState};
 use crate::library::foot::LEGS;
 use crate::math::planar::rotate;
@@ -48,7 +48,9 @@ const OVER_A_THIGH: f32 = 0.085;
 const WRIST_BEND: f32 = 0.8;
 /// A hand that reaches for the seat: how far beside its middle, and the wrist over it, metres.
 const BESIDE_THE_THIGH: f32 = 0.22;
-const WRIST_OVER_A_SEAT: f32 = 0.045;
+const WRIST_OVER_A_SEAT: f32 = 0.06;
+/// How far its wrist is bent back, radians.
+const WRIST_ON_A_SEAT: f32 = 1.1;
 
 /// What the whole body follows from, sampled every [`SAMPLE_TIME`].
 struct Signals {
@@ -86,10 +88,13 @@ fn load_keys(plan: &Plan) -> Vec<(f32, f32)> {
     for step in plan.standing_steps() {
         let standing = if step.side == 0 { 0.0 } else { 1.0 };
         if step.lift - landed > 0.75 {
+            // The later of both: the weight need not have come to the middle before it goes over.
+            let begins = step.lift - WEIGHT_SHIFT.0;
             if landed > 0.0 {
                 keys.push((landed + 0.40, 0.5));
             }
-            keys.push((step.lift - 0.45, 0.5));
+            keys.push((begins.max(landed + 0.41), 0.5));
+            keys.push((step.lift - WEIGHT_SHIFT.1, standing));
         }
         keys.push((step.lift, standing));
         keys.push((step.land, standing));
@@ -142,7 +147,7 @@ impl Signals {
 
         // Heading: between the feet.
         let middle: Vec<f32> = (0..n).map(|i| 0.5 * (feet[0][i].yaw + feet[1][i].yaw)).collect();
-        let yaw = smooth(&middle, sigma(0.11));
+        let yaw = smooth(&middle, sigma(0.16));
 
         seat_feet(plan, &seat, &yaw, &mut feet);
         let ankles = [0, 1].map(|s| feet[s].iter().map(FootSample::ankle).collect::<Vec<_>>());
@@ -247,9 +252,10 @@ impl Signals {
     fn pelvis_rotation(&self, plan: &Plan, i: usize) -> Quat {
         let seat = self.seat[i];
         let size = plan.style.pelvis;
-        let turn = -0.185 * size * self.lead[i];
-        let list = -0.058 * size * self.load[i] * self.walking(i);
-        let share = plan.seat.map_or(0.5, |s| seat::pelvis_share(s.height));
+        let turn = -0.255 * size * self.lead[i];
+        let list = -0.075 * size * self.load[i] * self.walking(i);
+        // Hips hinge while the thighs are upright; on a low seat they have no more room.
+        let share = plan.seat.map_or(0.5, |s| mix(0.64, seat::pelvis_share(s.height), seat.down));
         let tilt = 0.03 + 0.02 * self.speed[i].clamp(-0.5, 1.5) + 0.012 * self.surge[i] + share * seat.lean
             - (0.20 + 0.4 * seat::recline(plan)) * seat.rest;
         Quat::from_rotation_z(shifted(&self.yaw, i, 0.05) + turn)
@@ -338,9 +344,10 @@ impl Signals {
             + seat.lean
             + (0.03 - seat::recline(plan) + 0.025 * drift(plan, t, [0.08, 0.19], [2, 6])) * seat.rest
             + 0.006 * breath
-            + 0.008 * calm;
-        let counter = 0.055 * self.lead[i] * style.pelvis;
-        let side = (0.030 * shifted(&self.slow_load, i, -0.08) + 0.05 * self.sideways[i].clamp(-1.5, 1.5))
+            + 0.008 * calm
+            + 0.012 * self.walking(i) * drift(plan, t, [0.42, 0.85], [0, 6]);
+        let counter = 0.010 * self.lead[i] * style.pelvis;
+        let side = (0.058 * shifted(&self.slow_load, i, -0.06) + 0.05 * self.sideways[i].clamp(-1.5, 1.5))
             * (1.0 - seat.down)
             + 0.035 * drift(plan, t, [0.07, 0.16], [1, 4]) * seat.rest;
         let thorax = Quat::from_rotation_z(shifted(&self.yaw, i, 0.12) + counter + 0.02 * calm)
@@ -356,8 +363,8 @@ impl Signals {
         let about = drift(plan, t, [0.07, 0.17], [7, 0]);
         // A seated person looks about, now and then.
         let look = 0.9 * (look / 0.9).tanh() + 0.07 * about + 0.35 * about.powi(3) * seat.rest;
-        let gaze = 0.07
-            + 0.05 * (self.speed[i].abs()).min(1.0)
+        let gaze = 0.12
+            + 0.14 * (self.speed[i].abs()).min(1.0)
             + 0.30 * seat.lean
             + 0.02 * drift(plan, t, [0.11, 0.05], [3, 7]);
         let head = Quat::from_rotation_z(shifted(&self.yaw, i, 0.12) + look) * Quat::from_rotation_x(gaze);
@@ -419,13 +426,14 @@ impl Signals {
         // One hand is a little ahead of the other.
         let delay = (sign * 8.0 * style.hands * FRAME_RATE * FINE as f32 * 0.25) as isize;
         let hands = self.seat[(i as isize - delay).clamp(0, self.seat.len() as isize - 1) as usize].hands;
-        let swing = -sign * shifted(&self.lead, i, -0.02) * style.arms;
-        let forward = -0.055 + 0.36 * swing + 0.9 * seat.lean * (1.0 - hands);
-        let bend = 0.27
-            + 0.11 * self.speed[i].abs().min(1.4)
-            + 0.34 * shifted(&self.lead, i, -0.05) * -sign * style.arms;
+        // No swing is quite as wide as the one before.
+        let arms = style.arms * (1.0 + 0.13 * drift(plan, t, [0.33, 0.51], [2 + s, 5 + s]));
+        let swing = -sign * shifted(&self.lead, i, -0.02) * arms;
+        let forward = -0.055 + 0.34 * swing + 0.9 * seat.lean * (1.0 - hands);
+        let bend =
+            0.27 + 0.11 * self.speed[i].abs().min(1.4) + 0.34 * shifted(&self.lead, i, -0.05) * -sign * arms;
         let shrug = 0.012 * breath + 0.05 * hands;
-        let shoulder = thorax * mirror(Quat::from_rotation_y(-shrug) * Quat::from_rotation_z(-0.10 * swing));
+        let shoulder = thorax * mirror(Quat::from_rotation_y(-shrug) * Quat::from_rotation_z(-0.03 * swing));
         let away = 0.175 + 0.02 * self.speed[i].abs().min(1.5) + 0.30 * off;
         let hang_upper = thorax
             * mirror(
@@ -477,11 +485,15 @@ impl Signals {
         let line = (hung_wrist - joint).normalize_or(Vec3::NEG_Z);
         let hung = (to_elbow - line * to_elbow.dot(line)).normalize_or(Vec3::Y);
         let bent = hands.max(reach);
-        let elbow = hung.lerp(thorax * Vec3::new((elbows_out + 0.9 * off) * sign, 0.85, -0.50), bent);
+        // Elbows hang out and back however far the trunk leans over the thighs.
+        let leaning = Quat::from_rotation_z(self.yaw[i]) * Quat::from_rotation_x(0.35 * seat.lean);
+        let elbow = hung.lerp(leaning * Vec3::new((elbows_out + 0.9 * off) * sign, 0.85, -0.50), bent);
         let (u, l) = limb::arm(sign, joint, wrist, elbow);
         let flat = flat_hand(sign, leg.thigh);
         let eased = l * (hang_lower.inverse() * hang_hand);
         let flat = bent_at_most(l, l.slerp(flat, 0.8), WRIST_BEND);
+        let on_seat = laid_hand(sign, rotate(self.yaw[i], Vec2::NEG_Y).extend(0.0), Vec3::Z);
+        let eased = eased.slerp(bent_at_most(l, on_seat, WRIST_ON_A_SEAT), reach);
         let hand = eased.slerp(flat, ease(laid, 0.45, 1.0));
         let wrist = joint + u * JOINT_OFFSET[lower.index()] + l * JOINT_OFFSET[hand_joint.index()];
         let room = mix(0.115, OVER_A_THIGH, ease(laid, 0.8, 1.0));
@@ -537,16 +549,16 @@ fn breath(plan: &Plan, t: f32) -> f32 {
     (TAU * 0.24 * t + plan.style.phases[4]).sin()
 }
 
-/// A wrist drawn in to where an arm reaches without its elbow snapping straight.
+/// A wrist held to where an arm reaches without its elbow snapping straight or folding up.
 fn within_reach(shoulder: Vec3, wrist: Vec3) -> Vec3 {
     const EASY: f32 = 0.92 * ARM_LENGTH;
     const MOST: f32 = 0.99 * ARM_LENGTH;
+    const LEAST: f32 = 0.17;
     let span = wrist - shoulder;
-    let over = span.length() - EASY;
-    if over <= 0.0 {
-        return wrist;
-    }
-    shoulder + span.normalize() * (EASY + (MOST - EASY) * (over / (MOST - EASY)).tanh())
+    let distance = soft_maximum(span.length(), LEAST, 0.02);
+    let over = (distance - EASY).max(0.0);
+    let held = distance - over + (MOST - EASY) * (over / (MOST - EASY)).tanh();
+    shoulder + span.normalize_or(Vec3::NEG_Z) * held
 }
 
 /// Hands eased from frame to frame where they are laid down or taken up, and no further aside than wrists go.
@@ -556,8 +568,8 @@ fn ease_hands(postures: &mut [Posture]) {
         let raw: Vec<Quat> = postures.iter().map(|p| p.rotations[hand.index()]).collect();
         for (f, posture) in postures.iter_mut().enumerate() {
             let near = |k: isize| raw[(f as isize + k).clamp(0, raw.len() as isize - 1) as usize];
-            let sum = (-4..=4isize).fold(Quat::from_xyzw(0.0, 0.0, 0.0, 0.0), |sum, k| {
-                let weight = (-0.5 * (k as f32 / 1.8).powi(2)).exp();
+            let sum = (-5..=5isize).fold(Quat::from_xyzw(0.0, 0.0, 0.0, 0.0), |sum, k| {
+                let weight = (-0.5 * (k as f32 / 2.2).powi(2)).exp();
                 let q = near(k);
                 sum + q * if q.dot(raw[f]) < 0.0 { -weight } else { weight }
             });
@@ -613,8 +625,11 @@ fn bent_at_most(forearm: Quat, hand: Quat, most: f32) -> Quat {
 
 /// A hand that lies on the thigh: fingers towards the knee and a little inwards, palm on it.
 fn flat_hand(sign: f32, thigh: Quat) -> Quat {
-    let fingers = (thigh * Vec3::new(-0.30 * sign, 0.0, -1.0)).normalize();
-    let back = thigh * Vec3::NEG_Y;
+    laid_hand(sign, (thigh * Vec3::new(-0.30 * sign, 0.0, -1.0)).normalize(), thigh * Vec3::NEG_Y)
+}
+
+/// A hand by where its fingers and its back point.
+fn laid_hand(sign: f32, fingers: Vec3, back: Vec3) -> Quat {
     let x = fingers * sign;
     let y = back.cross(x).normalize();
     Quat::from_mat3(&glam::Mat3::from_cols(x, y, x.cross(y)))

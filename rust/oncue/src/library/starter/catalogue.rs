@@ -29,8 +29,12 @@ pub(super) const SWIVEL_HEIGHTS: [f32; 5] = [0.38, 0.46, 0.54, 0.64, 0.75];
 /// Of these, where a panel may leave no room for the knees: stools at bars.
 pub(super) const BAR_HEIGHTS: [f32; 3] = [0.64, 0.70, 0.75];
 
-/// Seconds of standing before and after what a clip is about.
-const STANDING_SECONDS: f32 = 0.5;
+/// Seconds of standing before what a clip is about, in which the weight goes over to one foot, and after it.
+const STANDING_SECONDS: f32 = 0.75;
+const STANDING_AFTER: f32 = 1.0;
+
+/// Walking begins with the shift of the weight, seconds before a foot leaves the floor.
+const STARTS_BEFORE: f32 = 0.6;
 
 /// A clip before it is animated: a plan, and from when on it is kept.
 struct Recipe {
@@ -92,7 +96,7 @@ fn segments(plan: &Plan, frames: usize) -> Vec<Segment> {
     }
     for group in groups {
         let (first, last) = (group[0], group[group.len() - 1]);
-        spans.push((first.lift - 0.35, ActionLabel::Walk, 0.0));
+        spans.push((first.lift - STARTS_BEFORE, ActionLabel::Walk, 0.0));
         let into_seat =
             plan.seatings.iter().find(|s| s.down && s.start > last.lift - 0.2 && s.start < last.land + 0.6);
         if into_seat.is_some() {
@@ -156,12 +160,12 @@ fn planner(out: &[Recipe], side: usize) -> Planner {
 }
 
 fn add(out: &mut Vec<Recipe>, name: String, mut planner: Planner, from: f32) {
-    planner.stand(STANDING_SECONDS + 0.5);
+    planner.stand(STANDING_AFTER);
     out.push(Recipe { name, plan: planner.finish(), from });
 }
 
 /// Turns inside a walk: so many radians a step at most.
-const SHARPEST: f32 = 0.95;
+const SHARPEST: f32 = 0.80;
 
 fn locomotion(out: &mut Vec<Recipe>) {
     for (i, speed) in [0.4, 0.55, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5].into_iter().enumerate() {
@@ -178,7 +182,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
     // Curves, closed by a stop in the curve or after a straight.
     for (i, radius) in [0.4, 0.6, 0.9, 1.4, 2.2, 3.5].into_iter().enumerate() {
         for (j, speed) in [0.5f32, 0.8, 1.15].into_iter().enumerate() {
-            if radius < 0.5 && speed > 1.0 {
+            if radius < 0.7 && speed > 1.0 {
                 continue;
             }
             let mut p = planner(out, (i + j) % 2);
@@ -203,7 +207,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
     // Sharp turns between straights, by either foot.
     for degrees in [45.0f32, 90.0, 135.0, 180.0] {
         for (speed, inner) in [(0.65, true), (0.65, false), (1.1, true), (1.1, false)] {
-            let steps = (degrees / 55.0).ceil().max(1.0) as usize;
+            let steps = (degrees / 46.0).ceil().max(1.0) as usize;
             let mut p = planner(out, if inner { 0 } else { 1 });
             p.start(speed, 0.0).walk(2, speed, 0.0);
             for k in 0..steps {
@@ -237,8 +241,8 @@ fn locomotion(out: &mut Vec<Recipe>) {
     for degrees in [30.0f32, 60.0, 90.0, 135.0, 180.0] {
         for speed in [0.6, 1.1] {
             let mut p = planner(out, 0);
-            let first = degrees.min(60.0).to_radians();
-            let count = ((degrees - 60.0) / 60.0).ceil().max(0.0);
+            let first = degrees.min(45.0).to_radians();
+            let count = ((degrees - 45.0) / 45.0).ceil().max(0.0);
             p.stand(STANDING_SECONDS + 0.2).step(speed * 0.8, 0.45, first);
             for _ in 0..count as usize {
                 p.step(speed * 0.8, 0.5, (degrees.to_radians() - first) / count);
@@ -540,12 +544,12 @@ fn walk_up_and_turn(p: &mut Planner, speed: f32, turn: f32) -> f32 {
     if p.next == 1 {
         p.step(0.8 * speed, 0.6, 0.0);
     }
-    let count = (turn / (PI / 3.0)).ceil() as usize;
+    let count = (turn / 0.8).ceil() as usize;
     let heading = p.yaw();
     for k in 0..count {
         let share = 1.0 / count as f32;
         // The last of the way is made while turning.
-        let ahead = [0.16, 0.06, 0.0, 0.0][k.min(3)];
+        let ahead = [0.16, 0.05, 0.01, 0.0][k.min(3)];
         let (yaw, part) = (p.yaw(), turn * share);
         let local = rotate(heading - (yaw + 0.5 * part), Vec2::new(0.0, -ahead));
         p.stride(Stride {

@@ -5,6 +5,8 @@
 //! 5–7° (Murray et al. 1964).
 
 use glam::Vec2;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 
 use super::curve::{ease, mix};
 use super::style::Style;
@@ -133,6 +135,8 @@ impl Plan {
 /// From where on the way down, and until where on the way up, feet are set without carrying the body.
 const FEET_FREE: (f32, f32) = (0.45, 0.3);
 
+/// Seconds before a foot leaves the floor that the weight begins to go over to the other, and that it is there.
+pub(super) const WEIGHT_SHIFT: (f32, f32) = (0.72, 0.16);
 /// Metres between the ankles while standing.
 pub(super) const STANDING_WIDTH: f32 = 0.17;
 /// Metres between the ankles while walking.
@@ -150,7 +154,7 @@ pub(super) const SWIVEL_FROM: f32 = 0.80;
 const KNEES_PAST: f32 = 0.6;
 const MOVE_IN_FROM: f32 = 0.7;
 /// Seconds from the last step of the turn until all of the body has come round.
-pub(super) const SETTLE_SECONDS: f32 = 0.25;
+pub(super) const SETTLE_SECONDS: f32 = 0.35;
 
 /// Step length in metres at a walking speed in m/s.
 pub(super) fn step_length(speed: f32) -> f32 {
@@ -175,6 +179,8 @@ pub(super) struct Planner {
     landed: f32,
     /// Side of the next step.
     pub next: usize,
+    /// No two steps are the same.
+    random: Pcg64Mcg,
 }
 
 /// What one step does to the body's frame, and how fast.
@@ -199,7 +205,13 @@ impl Planner {
         let foot = |side: usize| foothold(Vec2::ZERO, 0.0, side, STANDING_WIDTH, &style);
         let feet = [foot(0), foot(1)];
         let plan = Plan { style, feet, steps: Vec::new(), duration: 0.0, seat: None, seatings: Vec::new() };
-        Self { plan, position: Vec2::ZERO, yaw: 0.0, free: 0.0, landed: 0.0, next: first_side }
+        let random = Pcg64Mcg::seed_from_u64(0x57E9_0000 + style.seed);
+        Self { plan, position: Vec2::ZERO, yaw: 0.0, free: 0.0, landed: 0.0, next: first_side, random }
+    }
+
+    /// A factor about 1.
+    fn about(&mut self, spread: f32) -> f32 {
+        1.0 + spread * self.random.random_range(-1.0f32..1.0)
     }
 
     /// Seconds so far: the last foot's landing or the end of the stand after it.
@@ -231,12 +243,12 @@ impl Planner {
         let heading = self.yaw + 0.5 * stride.turn;
         self.position += rotate(heading, Vec2::new(stride.left, -stride.forward));
         self.yaw += stride.turn;
-        let lift = self.free.max(self.landed + stride.double_support);
+        let lift = self.free.max(self.landed + stride.double_support * self.about(0.08));
         let to = foothold(self.position, self.yaw, side, stride.width, &self.plan.style);
         let from = self.foot(side);
         // A small step is a quick one.
         let way = ball_of(&to).distance(ball_of(&from));
-        let land = lift + stride.swing.min(SHORTEST_SWING + SWING_PER_METRE * way);
+        let land = lift + stride.swing.min(SHORTEST_SWING + SWING_PER_METRE * way) * self.about(0.035);
         self.plan.steps.push(Step { side, lift, land, to });
         self.landed = land;
         self.next = 1 - side;
@@ -246,14 +258,15 @@ impl Planner {
     /// One walking step at `speed`, of `share` of that speed's length, turning by `turn`.
     pub(super) fn step(&mut self, speed: f32, share: f32, turn: f32) -> &mut Self {
         let style = self.plan.style;
-        let length = step_length(speed) * style.length;
+        let length = step_length(speed) * style.length * self.about(0.05);
         let duration = length / speed * (0.35 + 0.65 * share);
         let both = double_support_share(speed) * duration;
+        let width = WALKING_WIDTH * style.width * self.about(0.12);
         self.stride(Stride {
             forward: length * share,
             left: 0.0,
             turn,
-            width: WALKING_WIDTH * style.width,
+            width,
             swing: duration - both,
             double_support: both,
         })
@@ -261,7 +274,7 @@ impl Planner {
 
     /// From standing: weight shifts, a short first step, a nearly full second.
     pub(super) fn start(&mut self, speed: f32, turn: f32) -> &mut Self {
-        self.stand(0.55);
+        self.stand(WEIGHT_SHIFT.0 + 0.2);
         self.step(speed, 0.66, turn).step(speed, 0.9, 0.0)
     }
 

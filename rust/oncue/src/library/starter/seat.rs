@@ -78,9 +78,9 @@ fn greatest_lean(height: f32) -> f32 {
     mix(75.0, 46.0, ((height - 0.42) / 0.33).clamp(0.0, 1.0)).to_radians()
 }
 
-/// How much of a lean the pelvis makes; the spine makes the rest. Over a low seat hips have no more room.
+/// How much of a lean the pelvis makes on the seat; the spine makes the rest.
 pub(super) fn pelvis_share(height: f32) -> f32 {
-    mix(0.17, 0.50, ((height - 0.31) / 0.19).clamp(0.0, 1.0))
+    mix(0.15, 0.50, ((height - 0.31) / 0.19).clamp(0.0, 1.0))
 }
 
 /// How far the trunk leans back once seated, radians: far on what is as low as a sofa, not on a stool.
@@ -91,6 +91,8 @@ pub(super) fn recline(plan: &Plan) -> f32 {
     })
 }
 
+/// Lean on the way up, of that on the way down.
+const LEAN_UP: f32 = 0.78;
 /// Of the way down, when the pelvis begins to sink and when it rests.
 const SINKING: (f32, f32) = (0.10, 0.78);
 /// Fastest sink but for what leaning adds to it, m/s.
@@ -124,7 +126,7 @@ pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
         SeatState {
             back: 1.0 - ease(v, 0.14, 0.84),
             down: 1.0 - ease(v, 0.26, 0.93),
-            lean: most * keyed(&[(0.0, 0.0), (0.36, 1.0), (0.46, 0.97), (0.96, 0.0)], v),
+            lean: LEAN_UP * most * keyed(&[(0.0, 0.0), (0.36, 1.0), (0.46, 0.97), (0.96, 0.0)], v),
             hands: 1.0 - ease(v, 0.24, 0.86),
             reach: keyed(&[(0.0, 0.0), (0.22, 1.0), (0.34, 1.0), (0.64, 0.0)], v),
             rest: 1.0 - ease(v, 0.0, 0.38),

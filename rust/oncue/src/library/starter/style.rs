@@ -26,6 +26,8 @@ pub(super) struct Style {
     /// Phases in radians of the drifts.
     pub phases: [f32; 8],
     pub seated: Manner,
+    /// Of what differs from step to step.
+    pub seed: u64,
 }
 
 /// Where a hand lies on its thigh: metres from the hip joint towards the knee, and inwards from the middle of the thigh.
@@ -96,9 +98,9 @@ impl Manner {
             pace: about(1.0, 0.1),
             bow: about(1.0, 0.12),
             recline: about(0.0, 0.035),
-            width: about(0.255, 0.035),
+            width: about(0.285, 0.045),
             stagger: ahead * about(0.09, 0.03),
-            knees: about(0.10, 0.08),
+            knees: about(0.15, 0.09),
             hands,
             reach,
             first,
@@ -122,6 +124,7 @@ impl Style {
             sway: 0.012,
             phases: [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 0.5, 2.5],
             seated: Manner::PLAIN,
+            seed: 0,
         }
     }
 
@@ -141,6 +144,7 @@ impl Style {
             sway: about(0.012, 0.003),
             phases: std::array::from_fn(|_| about(0.0, std::f32::consts::PI)),
             seated: Manner::of_clip(index),
+            seed: index,
         }
     }
 }
