@@ -342,14 +342,14 @@ impl Signals {
             + 0.022 * self.speed[i].clamp(-1.0, 1.6)
             + 0.035 * self.surge[i].clamp(-2.0, 2.0)
             + seat.lean
-            + (0.03 - seat::recline(plan) + 0.025 * drift(plan, t, [0.08, 0.19], [2, 6])) * seat.rest
+            + (0.03 - seat::recline(plan) + 0.03 * drift(plan, t, [0.09, 0.21], [2, 6])) * seat.rest
             + 0.006 * breath
             + 0.008 * calm
             + 0.012 * self.walking(i) * drift(plan, t, [0.42, 0.85], [0, 6]);
         let counter = 0.010 * self.lead[i] * style.pelvis;
         let side = (0.058 * shifted(&self.slow_load, i, -0.06) + 0.05 * self.sideways[i].clamp(-1.5, 1.5))
             * (1.0 - seat.down)
-            + 0.035 * drift(plan, t, [0.07, 0.16], [1, 4]) * seat.rest;
+            + 0.045 * drift(plan, t, [0.08, 0.18], [1, 4]) * seat.rest;
         let thorax = Quat::from_rotation_z(shifted(&self.yaw, i, 0.12) + counter + 0.02 * calm)
             * Quat::from_rotation_x(lean)
             * Quat::from_rotation_y(side);
@@ -362,7 +362,9 @@ impl Signals {
         let look = shifted(&self.yaw, i, 0.30) - shifted(&self.yaw, i, 0.12);
         let about = drift(plan, t, [0.07, 0.17], [7, 0]);
         // A seated person looks about, now and then.
-        let look = 0.9 * (look / 0.9).tanh() + 0.07 * about + 0.35 * about.powi(3) * seat.rest;
+        let look = 0.9 * (look / 0.9).tanh()
+            + 0.07 * about
+            + mix(0.15, 0.5, seat.rest) * about.powi(3) * (1.0 - self.walking(i).min(1.0));
         let gaze = 0.12
             + 0.14 * (self.speed[i].abs()).min(1.0)
             + 0.30 * seat.lean
@@ -434,7 +436,7 @@ impl Signals {
             0.27 + 0.11 * self.speed[i].abs().min(1.4) + 0.34 * shifted(&self.lead, i, -0.05) * -sign * arms;
         let shrug = 0.012 * breath + 0.05 * hands;
         let shoulder = thorax * mirror(Quat::from_rotation_y(-shrug) * Quat::from_rotation_z(-0.03 * swing));
-        let away = 0.175 + 0.02 * self.speed[i].abs().min(1.5) + 0.30 * off;
+        let away = 0.165 + style.off + 0.02 * self.speed[i].abs().min(1.5) + 0.30 * off;
         let hang_upper = thorax
             * mirror(
                 Quat::from_rotation_x(-forward)

@@ -91,8 +91,11 @@ pub(super) fn recline(plan: &Plan) -> f32 {
     })
 }
 
-/// Lean on the way up, of that on the way down.
-const LEAN_UP: f32 = 0.78;
+/// Lean on the way up, of that on the way down: all of it from a low seat.
+fn lean_up(height: f32) -> f32 {
+    mix(1.0, 0.78, ((height - 0.32) / 0.12).clamp(0.0, 1.0))
+}
+
 /// Of the way down, when the pelvis begins to sink and when it rests.
 const SINKING: (f32, f32) = (0.10, 0.78);
 /// Fastest sink but for what leaning adds to it, m/s.
@@ -126,7 +129,9 @@ pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
         SeatState {
             back: 1.0 - ease(v, 0.14, 0.84),
             down: 1.0 - ease(v, 0.26, 0.93),
-            lean: LEAN_UP * most * keyed(&[(0.0, 0.0), (0.36, 1.0), (0.46, 0.97), (0.96, 0.0)], v),
+            lean: lean_up(seat.height)
+                * most
+                * keyed(&[(0.0, 0.0), (0.36, 1.0), (0.46, 0.97), (0.96, 0.0)], v),
             hands: 1.0 - ease(v, 0.24, 0.86),
             reach: keyed(&[(0.0, 0.0), (0.22, 1.0), (0.34, 1.0), (0.64, 0.0)], v),
             rest: 1.0 - ease(v, 0.0, 0.38),

@@ -13,6 +13,9 @@ pub(super) struct Style {
     pub toe_out: f32,
     /// Arm swing.
     pub arms: f32,
+    /// Radians that the elbows are bent, and the upper arms held off the trunk, beyond the mean.
+    pub elbows: f32,
+    pub off: f32,
     /// Pelvic list and rotation.
     pub pelvis: f32,
     /// Radians: forward lean of the trunk beyond the mean.
@@ -117,6 +120,8 @@ impl Style {
             width: 1.0,
             toe_out: 1.0,
             arms: 1.0,
+            elbows: 0.0,
+            off: 0.0,
             pelvis: 1.0,
             lean: 0.0,
             hands: 0.0,
@@ -137,6 +142,8 @@ impl Style {
             width: about(1.0, 0.12),
             toe_out: about(1.0, 0.3),
             arms: about(1.0, 0.15),
+            elbows: about(0.0, 0.07),
+            off: about(0.0, 0.025),
             pelvis: about(1.0, 0.15),
             lean: about(0.0, 0.015),
             hands: about(0.0, 0.035),
