@@ -292,9 +292,9 @@ fn locomotion(out: &mut Vec<Recipe>) {
     }
 }
 
-/// The seat behind a person who stands at the planner's place.
-fn seat_behind(p: &Planner, height: f32, tuck: f32) -> Seat {
-    let back = rotate(p.yaw(), Vec2::Y) * seated_legs(height, tuck).ankle_ahead;
+/// The seat behind a person who stands at the planner's place, once they have turned by `turn` (radians).
+fn seat_behind(p: &Planner, height: f32, tuck: f32, turn: f32) -> Seat {
+    let back = rotate(p.yaw() + turn, Vec2::Y) * seated_legs(height, tuck).ankle_ahead;
     Seat { height, tuck, pelvis: p.position() + back, shift: Vec2::ZERO, at_table: tuck > 0.0, spread: 0.0 }
 }
 
@@ -333,7 +333,7 @@ struct Swivel {
 }
 
 fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) {
-    let mut seat = seat_behind(p, height, tuck);
+    let mut seat = seat_behind(p, height, tuck, swivel.sinking);
     // The trunk begins to lean before the last foot is down.
     let start = p.now() - if p.stepped() { LEANS_BEFORE } else { 0.0 };
     let end = start + way_down(height, p.style().seated.pace);
@@ -354,7 +354,7 @@ fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) 
             p.plan_mut().style.seated.stagger *= 0.3;
         }
         let lifts = FEET_SET.map(|part| mix(start, end, part));
-        p.settle(seat.pelvis, seated_legs(height, tuck).ankle_ahead, swivel.sinking, lifts);
+        p.settle(swivel.sinking, lifts);
     }
     let plan = p.plan_mut();
     plan.seat = Some(seat);
@@ -362,9 +362,11 @@ fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) 
     p.stand(settled - p.now() + 0.1);
 }
 
-/// How much of a turn before a seat is made while sinking, degrees. Feet that hang turn with the pelvis alone.
+/// How much of a turn before a seat is made while sinking, degrees: little over a low one, where hips have less room; none
+/// where feet hang and turn with the pelvis alone.
 fn turned_while_sinking(height: f32, degrees: f32) -> f32 {
-    if seated_legs(height, 0.0).hanging { 0.0 } else { (0.35 * degrees).min(18.0) }
+    let most = mix(8.0, 18.0, ((height - 0.32) / 0.08).clamp(0.0, 1.0));
+    if seated_legs(height, 0.0).hanging { 0.0 } else { (0.35 * degrees).min(most) }
 }
 
 fn seats(out: &mut Vec<Recipe>) {
@@ -425,7 +427,7 @@ fn seats(out: &mut Vec<Recipe>) {
 fn seated_planner(out: &[Recipe], height: f32, drawn_back: f32) -> Planner {
     let mut p = planner(out, 0);
     let legs = seated_legs(height, 0.0);
-    let mut seat = seat_behind(&p, height, 0.0);
+    let mut seat = seat_behind(&p, height, 0.0, 0.0);
     if !legs.hanging {
         seat.pelvis -= rotate(p.yaw(), Vec2::Y) * drawn_back;
         let under_knees = seat.pelvis + rotate(p.yaw(), Vec2::NEG_Y) * legs.ankle_ahead;

@@ -370,10 +370,9 @@ impl Planner {
     }
 
     /// Feet set as one sits: apart and one ahead of the other, at the times given, after a turn by `turn` (radians, left
-    /// positive) about the pelvis at `pelvis`. `ahead`: ankles from the pelvis joint, metres.
-    pub(super) fn settle(&mut self, pelvis: Vec2, ahead: f32, turn: f32, lifts: [f32; 2]) -> &mut Self {
+    /// positive) over the feet.
+    pub(super) fn settle(&mut self, turn: f32, lifts: [f32; 2]) -> &mut Self {
         self.yaw += turn;
-        self.position = pelvis + rotate(self.yaw, Vec2::NEG_Y) * ahead;
         let first = match turn {
             0.0 => self.plan.style.seated.first,
             left if left > 0.0 => 0,
