@@ -252,8 +252,10 @@ impl Signals {
     fn pelvis_rotation(&self, plan: &Plan, i: usize) -> Quat {
         let seat = self.seat[i];
         let size = plan.style.pelvis;
-        let turn = -0.255 * size * self.lead[i];
-        let list = -0.075 * size * self.load[i] * self.walking(i);
+        let turn = -0.235 * size * self.lead[i];
+        // The swinging side drops as it is let go, and is most of the way up again when the foot passes.
+        let let_go = self.load[i] - 0.6 * shifted(&self.slow_load, i, -0.12);
+        let list = -0.062 * size * let_go * self.walking(i);
         // Hips hinge while the thighs are upright; on a low seat they have no more room.
         let share = plan.seat.map_or(0.5, |s| mix(0.64, seat::pelvis_share(s.height), seat.down));
         let tilt = 0.03 + 0.02 * self.speed[i].clamp(-0.5, 1.5) + 0.012 * self.surge[i] + share * seat.lean
@@ -347,7 +349,7 @@ impl Signals {
             + 0.008 * calm
             + 0.012 * self.walking(i) * drift(plan, t, [0.42, 0.85], [0, 6]);
         let counter = 0.010 * self.lead[i] * style.pelvis;
-        let side = (0.058 * shifted(&self.slow_load, i, -0.06) + 0.05 * self.sideways[i].clamp(-1.5, 1.5))
+        let side = (0.052 * shifted(&self.slow_load, i, -0.04) + 0.05 * self.sideways[i].clamp(-1.5, 1.5))
             * (1.0 - seat.down)
             + 0.045 * drift(plan, t, [0.08, 0.18], [1, 4]) * seat.rest;
         let thorax = Quat::from_rotation_z(shifted(&self.yaw, i, 0.12) + counter + 0.02 * calm)
