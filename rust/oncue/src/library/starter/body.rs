@@ -3,7 +3,11 @@
 //! The centre of pressure follows the plan (heel to ball under the standing foot, across in double support); the pelvis
 //! moves as an inverted pendulum above it, which gives the sway over the standing foot, the surge of each step and the
 //! weight shift before the first step. The size of rotations and of arm swing per metre between the feet is that of the
-//! walks named in [`super::foot`]: pelvis ±7° about the vertical and ±4° to the side, shoulders nearly still, upper arms -15° to +10°.
+//! walks named in [`super::foot`]: pelvis ±7° about the vertical and ±5° to the side, shoulders nearly still about the
+//! vertical and ±4° over the standing leg, which carries the neck 4–6 cm from side to side; upper arms -15° to +10°.
+//!
+//! What a plan alone would run into itself is kept clear afterwards: a foot goes further round the other leg, knees are turned
+//! apart, arms held off the trunk, hands laid round the thighs and not through them.
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 

@@ -3,6 +3,7 @@
 //! Phases and angles follow the kinematics of rising from a chair: trunk flexion first, the seat left at about a third of
 //! the time while the trunk is near its greatest flexion (Schenkman et al. 1990; Nuzik et al. 1986), and of sitting down,
 //! which is slower and in the reverse order (Kralj et al. 1990). Lower seats ask for more flexion (Janssen et al. 2002).
+//! What differs from person to person (pace, lean, where feet and hands come to rest) is [`super::style::Manner`].
 
 use super::curve::{ease, keyed, mix};
 use super::plan::{Plan, Seating};
