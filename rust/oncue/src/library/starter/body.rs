@@ -9,7 +9,7 @@
 //! What a plan alone would run into itself is kept clear afterwards: a foot goes further round the other leg, knees are turned
 //! apart, arms held off the trunk, hands laid round the thighs and not through them.
 
-use std::f32::consts::{FRAC_PI_2, TAU};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 use glam::{Quat, Vec2, Vec3};
 
@@ -44,17 +44,19 @@ const OFF_STEPS: usize = 6;
 const HOLDING_FRAMES: usize = 4;
 /// Farthest that a wrist bends towards the thumb and towards the little finger, radians.
 const WRIST_ASIDE: (f32, f32) = (0.55, 0.75);
+/// Farthest from the hip that a wrist lies on a thigh, metres.
+const ONTO_THE_KNEE: f32 = 0.37;
 /// From the wrist to the finger tips of a hand at rest, metres.
 const FINGERS: f32 = 0.15;
 /// Finger tips of a hand that lies on a thigh, from its middle, metres.
 const OVER_A_THIGH: f32 = 0.085;
 /// Farthest that a hand on a thigh is bent and turned against its forearm, radians.
-const WRIST_BEND: f32 = 0.8;
+const WRIST_BEND: f32 = 0.72;
 /// A hand that reaches for the seat: how far beside its middle, and the wrist over it, metres.
 const BESIDE_THE_THIGH: f32 = 0.22;
 const WRIST_OVER_A_SEAT: f32 = 0.06;
 /// How far its wrist is bent back, radians.
-const WRIST_ON_A_SEAT: f32 = 1.1;
+const WRIST_ON_A_SEAT: f32 = 1.0;
 
 /// What the whole body follows from, sampled every [`SAMPLE_TIME`].
 struct Signals {
@@ -348,14 +350,17 @@ impl Signals {
             + 0.022 * self.speed[i].clamp(-1.0, 1.6)
             + 0.035 * self.surge[i].clamp(-2.0, 2.0)
             + seat.lean
-            + (0.03 - seat::recline(plan) + 0.03 * drift(plan, t, [0.09, 0.21], [2, 6])) * seat.rest
+            + (0.03 - seat::recline(plan)
+                + 0.07 * plan.stirred(t)
+                + 0.03 * drift(plan, t, [0.09, 0.21], [2, 6]))
+                * seat.rest
             + 0.006 * breath
             + 0.008 * calm
             + 0.012 * self.walking(i) * drift(plan, t, [0.42, 0.85], [0, 6]);
         let counter = 0.010 * self.lead[i] * style.pelvis;
         let side = (0.052 * shifted(&self.slow_load, i, -0.04) + 0.05 * self.sideways[i].clamp(-1.5, 1.5))
             * (1.0 - seat.down)
-            + 0.045 * drift(plan, t, [0.08, 0.18], [1, 4]) * seat.rest;
+            + (0.045 * drift(plan, t, [0.08, 0.18], [1, 4]) + 0.04 * plan.stirred(t)) * seat.rest;
         let thorax = Quat::from_rotation_z(shifted(&self.yaw, i, 0.12) + counter + 0.02 * calm)
             * Quat::from_rotation_x(lean)
             * Quat::from_rotation_y(side);
@@ -470,16 +475,21 @@ impl Signals {
         let hung_wrist = joint + to_elbow + hang_lower * JOINT_OFFSET[hand_joint.index()];
         // Towards the knees while the trunk leans over them.
         // At a table the hands come back into the lap, and the elbows stay close to the body.
-        let rest = style.seated.hands[s];
+        let [rest, then] = style.seated.hands.map(|hands| hands[s]);
+        let stirred = plan.stirred(t);
         let at_table = plan.seat.is_some_and(|s| s.at_table);
         let (along, elbows_out) = if at_table {
             (mix(0.255, 0.19, plan.swivelled(t)), 0.20)
         } else {
-            (rest.along + 0.012 * drift(plan, t, [0.06, 0.15], [s, 7]), 0.38)
+            (mix(rest.along, then.along, stirred) + 0.012 * drift(plan, t, [0.06, 0.15], [s, 7]), 0.38)
         };
-        let along = along - sign * style.hands + 0.15 * (seat.lean / 1.2).min(1.0);
-        let inwards = if at_table { 0.012 } else { rest.inwards };
-        let resting = leg.hip + leg.thigh * Vec3::new(-inwards * sign, -0.092, -along);
+        // Further over a low seat, whose knees are nearer to the shoulders.
+        let forth = plan.seat.map_or(0.0, |s| mix(0.25, 0.15, ((s.height - 0.30) / 0.12).clamp(0.0, 1.0)));
+        let along = (along - sign * style.hands + forth * (seat.lean / 1.2).min(1.0)).min(ONTO_THE_KNEE);
+        let inwards = if at_table { 0.012 } else { mix(rest.inwards, then.inwards, stirred) };
+        // Hands are lifted where they go elsewhere.
+        let lifted = 0.05 * (PI * stirred).sin() * ((rest.along - then.along).abs() / 0.05).min(1.0);
+        let resting = leg.hip + leg.thigh * Vec3::new(-inwards * sign, -0.092 - lifted, -along);
         let mut from = hung_wrist;
         if let Some(place) = plan.seat.filter(|_| reach > 0.0) {
             let beside =

@@ -418,7 +418,7 @@ fn seats(out: &mut Vec<Recipe>) {
             add(out, format!("stand up {cm} cm{}", if walk_off { " and walk" } else { "" }), p, 0.0);
         }
         let mut p = seated_planner(out, height, 0.0);
-        p.stand(9.0);
+        p.stand(5.0).stir(!seated_legs(height, 0.0).hanging).stand(5.0);
         add(out, format!("seated {cm} cm"), p, 0.0);
     }
 }

@@ -85,6 +85,8 @@ pub(super) struct Plan {
     pub seat: Option<Seat>,
     /// In order of time. Without any, a clip with a seat is seated throughout.
     pub seatings: Vec<Seating>,
+    /// Seconds: a seated person sits otherwise from here on.
+    pub stirs: Option<f32>,
 }
 
 impl Plan {
@@ -109,6 +111,11 @@ impl Plan {
             _ => self.swivelled(t),
         };
         seat.pelvis + seat.shift * moved
+    }
+
+    /// How far a seated person has come to sit otherwise at `t` seconds: 0 to 1.
+    pub(super) fn stirred(&self, t: f32) -> f32 {
+        self.stirs.map_or(0.0, |at| ease(t, at, at + STIRRING_SECONDS))
     }
 
     /// How far each knee is turned outwards at `t` seconds, radians.
@@ -137,6 +144,8 @@ const FEET_FREE: (f32, f32) = (0.45, 0.3);
 
 /// Seconds before a foot leaves the floor that the weight begins to go over to the other, and that it is there.
 pub(super) const WEIGHT_SHIFT: (f32, f32) = (0.72, 0.16);
+/// Seconds that it takes to sit otherwise.
+const STIRRING_SECONDS: f32 = 1.3;
 /// Metres between the ankles while standing.
 pub(super) const STANDING_WIDTH: f32 = 0.17;
 /// Metres between the ankles while walking.
@@ -204,7 +213,15 @@ impl Planner {
     pub(super) fn new(style: Style, first_side: usize) -> Self {
         let foot = |side: usize| foothold(Vec2::ZERO, 0.0, side, STANDING_WIDTH, &style);
         let feet = [foot(0), foot(1)];
-        let plan = Plan { style, feet, steps: Vec::new(), duration: 0.0, seat: None, seatings: Vec::new() };
+        let plan = Plan {
+            style,
+            feet,
+            steps: Vec::new(),
+            duration: 0.0,
+            seat: None,
+            seatings: Vec::new(),
+            stirs: None,
+        };
         let random = Pcg64Mcg::seed_from_u64(0x57E9_0000 + style.seed);
         Self { plan, position: Vec2::ZERO, yaw: 0.0, free: 0.0, landed: 0.0, next: first_side, random }
     }
@@ -391,6 +408,19 @@ impl Planner {
         for (side, lift) in [first, 1 - first].into_iter().zip(lifts) {
             let to = foothold(self.position, self.yaw, side, STANDING_WIDTH, &self.plan.style);
             self.set_foot(side, lift.max(self.landed + 0.02), to);
+        }
+        self
+    }
+
+    /// From now on the person sits otherwise: hands, trunk, and one foot, which comes back beside the other.
+    pub(super) fn stir(&mut self, moves_a_foot: bool) -> &mut Self {
+        let at = self.now();
+        self.plan.stirs = Some(at);
+        if moves_a_foot {
+            let side = 1 - self.plan.style.seated.first;
+            let mut to = self.foot(side);
+            to.ankle -= 0.8 * self.plan.style.seated.stagger.abs() * to.forward();
+            self.set_foot(side, at + 0.3, to);
         }
         self
     }

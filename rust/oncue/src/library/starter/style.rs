@@ -44,6 +44,16 @@ const NEAR_THE_KNEE: HandRest = HandRest { along: 0.275, inwards: 0.015 };
 const ON_THE_THIGH: HandRest = HandRest { along: 0.215, inwards: 0.0 };
 const IN_THE_LAP: HandRest = HandRest { along: 0.165, inwards: 0.035 };
 
+/// How two hands rest, left and right.
+const HAND_RESTS: [[HandRest; 2]; 6] = [
+    [ON_THE_THIGH, ON_THE_THIGH],
+    [IN_THE_LAP, IN_THE_LAP],
+    [NEAR_THE_KNEE, NEAR_THE_KNEE],
+    [IN_THE_LAP, ON_THE_THIGH],
+    [ON_THE_THIGH, NEAR_THE_KNEE],
+    [NEAR_THE_KNEE, IN_THE_LAP],
+];
+
 /// How one sits down, sits and gets up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Manner {
@@ -59,8 +69,8 @@ pub(super) struct Manner {
     pub stagger: f32,
     /// Radians that each knee is turned outwards.
     pub knees: f32,
-    /// Left and right.
-    pub hands: [HandRest; 2],
+    /// Left and right, and where they lie once the person has stirred.
+    pub hands: [[HandRest; 2]; 2],
     /// How far each hand reaches for the seat on the way: 0 not, 1 until it is there.
     pub reach: [f32; 2],
     /// The foot that is set first.
@@ -76,21 +86,16 @@ impl Manner {
         width: 0.25,
         stagger: 0.09,
         knees: 0.1,
-        hands: [ON_THE_THIGH, ON_THE_THIGH],
+        hands: [[ON_THE_THIGH, ON_THE_THIGH], [IN_THE_LAP, ON_THE_THIGH]],
         reach: [0.0, 0.0],
         first: 0,
     };
 
     fn of_clip(index: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(0x5EA7_0000 + index);
-        let hands = [
-            [ON_THE_THIGH, ON_THE_THIGH],
-            [IN_THE_LAP, IN_THE_LAP],
-            [NEAR_THE_KNEE, NEAR_THE_KNEE],
-            [IN_THE_LAP, ON_THE_THIGH],
-            [ON_THE_THIGH, NEAR_THE_KNEE],
-            [NEAR_THE_KNEE, IN_THE_LAP],
-        ][random.random_range(0..6usize)];
+        let kind = random.random_range(0..HAND_RESTS.len());
+        let other = (kind + random.random_range(1..HAND_RESTS.len())) % HAND_RESTS.len();
+        let hands = [HAND_RESTS[kind], HAND_RESTS[other]];
         // None, one, or rarely both.
         let reach = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [1.0, 1.0]]
             [random.random_range(0..6usize)];
