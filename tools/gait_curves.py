@@ -117,6 +117,14 @@ def strides(path: Path) -> list[tuple[float, dict[str, np.ndarray]]]:
     def turn(v: np.ndarray) -> np.ndarray:
         return np.degrees(np.arctan2(-dot(v, ahead), dot(v, left)))
 
+    def beside(at: np.ndarray, side: np.ndarray) -> np.ndarray:
+        """How far a joint is from its own way over two seconds."""
+        kernel = np.ones(int(2 * rate) | 1)
+        weight = np.convolve(np.ones(frames), kernel, "same")
+        smooth = np.stack([np.convolve(at[:, k], kernel, "same") / weight for k in range(3)], 1)
+        return dot(at - smooth, side)
+
+    neck = joints["Neck"]
     out = []
     for me, other, sign in ((legs[0], legs[1], 1), (legs[1], legs[0], -1)):
         reach = dot(me["ankle"] - pelvis, ahead)
@@ -139,8 +147,23 @@ def strides(path: Path) -> list[tuple[float, dict[str, np.ndarray]]]:
             "pelvis turn": sign * turn(across),
             "pelvis list": np.degrees(np.arctan2(sign * across[:, 2], np.linalg.norm(across[:, :2], axis=1))),
             "shoulder turn": sign * turn(shoulders),
+            "shoulder list": np.degrees(
+                np.arctan2(sign * shoulders[:, 2], np.linalg.norm(shoulders[:, :2], axis=1))
+            ),
             "upper arm": swing(me["elbow"] - me["shoulder"]),
             "forearm": swing(me["wrist"] - me["elbow"]),
+            "wrist ahead": 100 * dot(me["wrist"] - pelvis, ahead),
+            "wrist aside": 100 * sign * dot(me["wrist"] - pelvis, left),
+            "elbow aside": 100 * sign * dot(me["elbow"] - pelvis, left),
+            "pelvis speed": 100 * rate * dot(np.gradient(pelvis, axis=0), ahead),
+            "pelvis aside": 100 * sign * beside(pelvis, left),
+            "neck beside": 100 * sign * beside(neck, left),
+            "neck ahead": 100 * dot(neck - pelvis, ahead),
+            "neck aside": 100 * sign * dot(neck - pelvis, left),
+            "neck up": 100 * (neck - pelvis)[:, 2],
+            "head height": 100 * joints["Head"][:, 2],
+            "head ahead": 100 * dot(joints["Head"] - pelvis, ahead),
+            "head aside": 100 * sign * dot(joints["Head"] - pelvis, left),
         }
         for a, b in pairwise(strikes):
             if not 0.8 < (b - a) / rate < 1.7:

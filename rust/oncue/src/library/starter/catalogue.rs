@@ -1,12 +1,17 @@
 //! Which clips the starter library has.
 
 use std::f32::consts::{FRAC_PI_2, PI};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::Vec2;
+use rayon::prelude::*;
 
 use super::body::animate;
-use super::plan::{Plan, Planner, SETTLE_SECONDS, STANDING_WIDTH, SWIVEL_FROM, Seat, Seating, Stride};
-use super::seat::{TUCKED, seated_legs};
+use super::curve::mix;
+use super::plan::{
+    Plan, Planner, SETTLE_SECONDS, STANDING_WIDTH, SWIVEL_FROM, Seat, Seating, Stride, seated_foothold,
+};
+use super::seat::{TUCKED, seated_legs, way_down};
 use super::style::Style;
 use crate::action::ActionLabel;
 use crate::error::Result;
@@ -24,8 +29,12 @@ pub(super) const SWIVEL_HEIGHTS: [f32; 5] = [0.38, 0.46, 0.54, 0.64, 0.75];
 /// Of these, where a panel may leave no room for the knees: stools at bars.
 pub(super) const BAR_HEIGHTS: [f32; 3] = [0.64, 0.70, 0.75];
 
-/// Seconds of standing before and after what a clip is about.
-const STANDING_SECONDS: f32 = 0.5;
+/// Seconds of standing before what a clip is about, in which the weight goes over to one foot, and after it.
+const STANDING_SECONDS: f32 = 0.75;
+const STANDING_AFTER: f32 = 1.0;
+
+/// Walking begins with the shift of the weight, seconds before a foot leaves the floor.
+const STARTS_BEFORE: f32 = 0.6;
 
 /// A clip before it is animated: a plan, and from when on it is kept.
 struct Recipe {
@@ -40,12 +49,14 @@ struct Recipe {
 pub fn generate(progress: &Progress) -> Result<MotionLibrary> {
     progress.stage("Making the starter library");
     let recipes = recipes();
-    let mut clips = Vec::with_capacity(2 * recipes.len());
-    for (i, recipe) in recipes.iter().enumerate() {
+    let made = AtomicUsize::new(0);
+    let one = |recipe: &Recipe| {
         progress.check()?;
-        progress.fraction(i as f32 / recipes.len() as f32);
-        clips.push(make(recipe));
-    }
+        let clip = make(recipe);
+        progress.fraction(made.fetch_add(1, Ordering::Relaxed) as f32 / recipes.len() as f32);
+        Ok(clip)
+    };
+    let mut clips = recipes.par_iter().map(one).collect::<Result<Vec<Clip>>>()?;
     let mirrored: Vec<Clip> = clips.iter().map(Clip::mirror).collect();
     clips.extend(mirrored);
     Ok(MotionLibrary { clips })
@@ -85,9 +96,9 @@ fn segments(plan: &Plan, frames: usize) -> Vec<Segment> {
     }
     for group in groups {
         let (first, last) = (group[0], group[group.len() - 1]);
-        spans.push((first.lift - 0.35, ActionLabel::Walk, 0.0));
+        spans.push((first.lift - STARTS_BEFORE, ActionLabel::Walk, 0.0));
         let into_seat =
-            plan.seatings.iter().find(|s| s.down && s.start >= last.lift && s.start < last.land + 0.6);
+            plan.seatings.iter().find(|s| s.down && s.start > last.lift - 0.2 && s.start < last.land + 0.6);
         if into_seat.is_some() {
             let begin = group[group.len().saturating_sub(3)].lift - if group.len() <= 3 { 0.35 } else { 0.0 };
             spans.push((begin, ActionLabel::Sit, 0.0));
@@ -149,12 +160,12 @@ fn planner(out: &[Recipe], side: usize) -> Planner {
 }
 
 fn add(out: &mut Vec<Recipe>, name: String, mut planner: Planner, from: f32) {
-    planner.stand(STANDING_SECONDS + 0.5);
+    planner.stand(STANDING_AFTER);
     out.push(Recipe { name, plan: planner.finish(), from });
 }
 
 /// Turns inside a walk: so many radians a step at most.
-const SHARPEST: f32 = 0.95;
+const SHARPEST: f32 = 0.80;
 
 fn locomotion(out: &mut Vec<Recipe>) {
     for (i, speed) in [0.4, 0.55, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5].into_iter().enumerate() {
@@ -171,7 +182,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
     // Curves, closed by a stop in the curve or after a straight.
     for (i, radius) in [0.4, 0.6, 0.9, 1.4, 2.2, 3.5].into_iter().enumerate() {
         for (j, speed) in [0.5f32, 0.8, 1.15].into_iter().enumerate() {
-            if radius < 0.5 && speed > 1.0 {
+            if radius < 0.7 && speed > 1.0 {
                 continue;
             }
             let mut p = planner(out, (i + j) % 2);
@@ -196,7 +207,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
     // Sharp turns between straights, by either foot.
     for degrees in [45.0f32, 90.0, 135.0, 180.0] {
         for (speed, inner) in [(0.65, true), (0.65, false), (1.1, true), (1.1, false)] {
-            let steps = (degrees / 55.0).ceil().max(1.0) as usize;
+            let steps = (degrees / 46.0).ceil().max(1.0) as usize;
             let mut p = planner(out, if inner { 0 } else { 1 });
             p.start(speed, 0.0).walk(2, speed, 0.0);
             for k in 0..steps {
@@ -230,8 +241,8 @@ fn locomotion(out: &mut Vec<Recipe>) {
     for degrees in [30.0f32, 60.0, 90.0, 135.0, 180.0] {
         for speed in [0.6, 1.1] {
             let mut p = planner(out, 0);
-            let first = degrees.min(60.0).to_radians();
-            let count = ((degrees - 60.0) / 60.0).ceil().max(0.0);
+            let first = degrees.min(45.0).to_radians();
+            let count = ((degrees - 45.0) / 45.0).ceil().max(0.0);
             p.stand(STANDING_SECONDS + 0.2).step(speed * 0.8, 0.45, first);
             for _ in 0..count as usize {
                 p.step(speed * 0.8, 0.5, (degrees.to_radians() - first) / count);
@@ -281,9 +292,9 @@ fn locomotion(out: &mut Vec<Recipe>) {
     }
 }
 
-/// The seat behind a person who stands at the planner's place.
-fn seat_behind(p: &Planner, height: f32, tuck: f32) -> Seat {
-    let back = rotate(p.yaw(), Vec2::Y) * seated_legs(height, tuck).ankle_ahead;
+/// The seat behind a person who stands at the planner's place, once they have turned by `turn` (radians).
+fn seat_behind(p: &Planner, height: f32, tuck: f32, turn: f32) -> Seat {
+    let back = rotate(p.yaw() + turn, Vec2::Y) * seated_legs(height, tuck).ankle_ahead;
     Seat { height, tuck, pelvis: p.position() + back, shift: Vec2::ZERO, at_table: tuck > 0.0, spread: 0.0 }
 }
 
@@ -295,19 +306,25 @@ const CLEAR_OF_THE_BAR: f32 = 0.16;
 const KNEES_APART: f32 = 0.72;
 const FEET_AT_THE_BAR: f32 = 0.20;
 
-/// Seconds from the first lean to sitting.
-fn way_down(height: f32) -> f32 {
-    2.45 - 0.9 * (height - 0.30)
+/// Of the way down, when each foot is set as one sits.
+const FEET_SET: [f32; 2] = [0.47, 0.66];
+/// Seconds before the last foot is down that the trunk begins to lean.
+const LEANS_BEFORE: f32 = 0.35;
+
+/// Sits down; the last `turn` (radians) of the way round is made while sinking.
+fn sit_down(p: &mut Planner, height: f32, tuck: f32, turn: f32) {
+    sit_down_and_swivel(p, height, tuck, Swivel { sinking: turn, ..Swivel::default() });
 }
 
-fn sit_down(p: &mut Planner, height: f32, tuck: f32) {
-    sit_down_and_swivel(p, height, tuck, Swivel::default());
-}
+/// Feet come back by so much before one gets up, metres.
+const DRAWN_BACK: f32 = 0.07;
 
 /// What one does on a seat before one sits as one stays.
 #[derive(Debug, Clone, Copy, Default)]
 struct Swivel {
-    /// Radians, left positive.
+    /// Radians made while sinking, left positive.
+    sinking: f32,
+    /// Radians made on the seat.
     turn: f32,
     /// Metres that the pelvis moves back meanwhile.
     back: f32,
@@ -316,10 +333,10 @@ struct Swivel {
 }
 
 fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) {
-    let mut seat = seat_behind(p, height, tuck);
-    // The trunk begins to lean as the last foot comes down.
-    let start = p.now() - if p.stepped() { 0.15 } else { 0.0 };
-    let end = start + way_down(height);
+    let mut seat = seat_behind(p, height, tuck, swivel.sinking);
+    // The trunk begins to lean before the last foot is down.
+    let start = p.now() - if p.stepped() { LEANS_BEFORE } else { 0.0 };
+    let end = start + way_down(height, p.style().seated.pace);
     let mut settled = end;
     if swivel.turn != 0.0 {
         seat.at_table = true;
@@ -327,13 +344,29 @@ fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) 
         seat.shift = rotate(p.yaw() + swivel.turn, Vec2::Y) * swivel.back;
         p.stand(start + SWIVEL_FROM * (end - start) - p.now());
         let count = (swivel.turn.abs() / 0.9).ceil() as usize;
-        p.swivel(swivel.turn, count, seated_legs(height, tuck).ankle_ahead, seat.shift);
+        // Who has to keep the knees apart has the feet under them.
+        let width = if swivel.spread > 0.0 { STANDING_WIDTH } else { 0.85 * p.style().seated.width };
+        p.swivel(swivel.turn, count, seated_legs(height, tuck).ankle_ahead, seat.shift, width);
         settled = settled.max(p.now() + SETTLE_SECONDS);
+    } else if !seated_legs(height, tuck).hanging {
+        if tuck > 0.0 {
+            // Feet that are drawn back have little room to go further.
+            p.plan_mut().style.seated.stagger *= 0.3;
+        }
+        let lifts = FEET_SET.map(|part| mix(start, end, part));
+        p.settle(swivel.sinking, lifts);
     }
     let plan = p.plan_mut();
     plan.seat = Some(seat);
     plan.seatings.push(Seating { down: true, start, end, settled });
     p.stand(settled - p.now() + 0.1);
+}
+
+/// How much of a turn before a seat is made while sinking, degrees: little over a low one, where hips have less room; none
+/// where feet hang and turn with the pelvis alone.
+fn turned_while_sinking(height: f32, degrees: f32) -> f32 {
+    let most = mix(8.0, 18.0, ((height - 0.32) / 0.08).clamp(0.0, 1.0));
+    if seated_legs(height, 0.0).hanging { 0.0 } else { (0.35 * degrees).min(most) }
 }
 
 fn seats(out: &mut Vec<Recipe>) {
@@ -342,17 +375,18 @@ fn seats(out: &mut Vec<Recipe>) {
         for degrees in [0.0f32, 30.0, 60.0, 90.0] {
             let mut p = planner(out, 0);
             p.stand(STANDING_SECONDS + 0.1);
+            let sinking = turned_while_sinking(height, degrees);
             if degrees > 0.0 {
-                let pairs = (degrees / 50.0).ceil() as usize;
-                p.turn_on_spot(degrees.to_radians(), pairs);
+                let pairs = ((degrees - sinking) / 50.0).ceil() as usize;
+                p.turn_on_spot((degrees - sinking).to_radians(), pairs);
             }
-            sit_down(&mut p, height, 0.0);
+            sit_down(&mut p, height, 0.0, sinking.to_radians());
             add(out, format!("sit {cm} cm, turn {degrees}°"), p, 0.0);
         }
         // A back step to the seat, then down.
         let mut p = planner(out, 1);
         p.stand(STANDING_SECONDS + 0.1).back_step(0.22, 0.42, 0.0).close(0.42);
-        sit_down(&mut p, height, 0.0);
+        sit_down(&mut p, height, 0.0, 0.0);
         add(out, format!("sit {cm} cm, back step"), p, 0.0);
         if (0.40..0.56).contains(&height) {
             tucked_sits(out, height);
@@ -360,31 +394,48 @@ fn seats(out: &mut Vec<Recipe>) {
         if SWIVEL_HEIGHTS.contains(&height) {
             swivelling_sits(out, height);
         }
-        for degrees in [90.0f32, 135.0, 180.0] {
-            let mut p = planner(out, if degrees > 100.0 { 1 } else { 0 });
-            let from = walk_up_and_turn(&mut p, 0.8, degrees.to_radians());
-            sit_down(&mut p, height, 0.0);
-            add(out, format!("sit {cm} cm, walk up from {}°", 180.0 - degrees), p, from);
+        for (speed, pace) in [(0.8, ""), (0.6, ", slowly")] {
+            for degrees in [90.0f32, 135.0, 180.0] {
+                let mut p = planner(out, if degrees > 100.0 { 1 } else { 0 });
+                let sinking = turned_while_sinking(height, degrees);
+                let from = walk_up_and_turn(&mut p, speed, (degrees - sinking).to_radians());
+                sit_down(&mut p, height, 0.0, sinking.to_radians());
+                add(out, format!("sit {cm} cm, walk up from {}°{pace}", 180.0 - degrees), p, from);
+            }
         }
         for walk_off in [false, true] {
-            let mut p = planner(out, 0);
-            let seat = seat_behind(&p, height, 0.0);
-            let plan = p.plan_mut();
-            plan.seat = Some(seat);
-            let end = 0.8 + 0.88 * way_down(height);
-            plan.seatings.push(Seating { down: false, start: 0.8, end, settled: end });
-            p.stand(end);
+            let mut p = seated_planner(out, height, DRAWN_BACK);
+            let start = 0.9;
+            let end = start + 0.8 * way_down(height, p.style().seated.pace);
+            if !seated_legs(height, 0.0).hanging {
+                p.draw_back([start - 0.35, mix(start, end, 0.06)]);
+            }
+            p.plan_mut().seatings.push(Seating { down: false, start, end, settled: end });
+            p.stand(end - p.now());
             if walk_off {
                 p.step(0.8, 0.6, 0.0).walk(2, 0.9, 0.0).stop(0.8);
             }
             add(out, format!("stand up {cm} cm{}", if walk_off { " and walk" } else { "" }), p, 0.0);
         }
-        let mut p = planner(out, 0);
-        let seat = seat_behind(&p, height, 0.0);
-        p.plan_mut().seat = Some(seat);
-        p.stand(7.0);
+        let mut p = seated_planner(out, height, 0.0);
+        p.stand(5.0).stir(!seated_legs(height, 0.0).hanging).stand(5.0);
         add(out, format!("seated {cm} cm"), p, 0.0);
     }
+}
+
+/// Seated, with the feet as one sits; they come back by `drawn_back` metres as one gets up.
+fn seated_planner(out: &[Recipe], height: f32, drawn_back: f32) -> Planner {
+    let mut p = planner(out, 0);
+    let legs = seated_legs(height, 0.0);
+    let mut seat = seat_behind(&p, height, 0.0, 0.0);
+    if !legs.hanging {
+        seat.pelvis -= rotate(p.yaw(), Vec2::Y) * drawn_back;
+        let under_knees = seat.pelvis + rotate(p.yaw(), Vec2::NEG_Y) * legs.ankle_ahead;
+        let style = *p.style();
+        p.plan_mut().feet = [0, 1].map(|side| seated_foothold(under_knees, p.yaw(), side, &style));
+    }
+    p.plan_mut().seat = Some(seat);
+    p
 }
 
 /// Sits with the feet drawn back, as between a chair and its table: from standing, turning, and from the side.
@@ -396,7 +447,7 @@ fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
         if degrees > 0.0 {
             p.turn_on_spot(degrees.to_radians(), (degrees / 50.0).ceil() as usize);
         }
-        sit_down(&mut p, height, TUCKED);
+        sit_down(&mut p, height, TUCKED, 0.0);
         add(out, format!("sit {cm} cm tucked, turn {degrees}°"), p, 0.0);
     }
     for steps in [1, 2] {
@@ -405,7 +456,7 @@ fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
         for _ in 0..steps {
             p.side_step(0.26, 0.40);
         }
-        sit_down(&mut p, height, TUCKED);
+        sit_down(&mut p, height, TUCKED, 0.0);
         add(out, format!("sit {cm} cm tucked, {steps} side steps"), p, 0.0);
     }
 }
@@ -415,10 +466,10 @@ fn tucked_sits(out: &mut Vec<Recipe>, height: f32) {
 fn swivelling_sits(out: &mut Vec<Recipe>, height: f32) {
     for (half, back) in [("middle", 0.0), ("front", CLEAR_OF_THE_BACK)] {
         for degrees in [60.0f32, 90.0] {
-            let swivel = Swivel { turn: degrees.to_radians(), back, spread: 0.0 };
+            let swivel = Swivel { turn: degrees.to_radians(), back, ..Swivel::default() };
             sideways_sit(out, height, half, 0.0, swivel, Arriving::Turning(0.0));
         }
-        let swivel = Swivel { turn: FRAC_PI_2, back, spread: 0.0 };
+        let swivel = Swivel { turn: FRAC_PI_2, back, ..Swivel::default() };
         for arriving in FROM_THE_SIDE {
             sideways_sit(out, height, half, 0.0, swivel, arriving);
         }
@@ -428,7 +479,8 @@ fn swivelling_sits(out: &mut Vec<Recipe>, height: f32) {
 /// Sits down on the side of a high stool, on its rear half, turns and moves in with the knees apart and the feet drawn
 /// back: so one sits at a bar whose panel is nearer than knees reach.
 fn sits_at_a_bar(out: &mut Vec<Recipe>, height: f32) {
-    let swivel = Swivel { turn: FRAC_PI_2, back: -CLEAR_OF_THE_BAR, spread: KNEES_APART };
+    let swivel =
+        Swivel { turn: FRAC_PI_2, back: -CLEAR_OF_THE_BAR, spread: KNEES_APART, ..Swivel::default() };
     for arriving in [Arriving::Turning(0.0)].into_iter().chain(FROM_THE_SIDE) {
         sideways_sit(out, height, "rear, knees apart", FEET_AT_THE_BAR, swivel, arriving);
     }
@@ -496,12 +548,12 @@ fn walk_up_and_turn(p: &mut Planner, speed: f32, turn: f32) -> f32 {
     if p.next == 1 {
         p.step(0.8 * speed, 0.6, 0.0);
     }
-    let count = (turn / (PI / 3.0)).ceil() as usize;
+    let count = (turn / 0.8).ceil() as usize;
     let heading = p.yaw();
     for k in 0..count {
         let share = 1.0 / count as f32;
         // The last of the way is made while turning.
-        let ahead = [0.16, 0.06, 0.0, 0.0][k.min(3)];
+        let ahead = [0.16, 0.05, 0.01, 0.0][k.min(3)];
         let (yaw, part) = (p.yaw(), turn * share);
         let local = rotate(heading - (yaw + 0.5 * part), Vec2::new(0.0, -ahead));
         p.stride(Stride {
@@ -514,6 +566,5 @@ fn walk_up_and_turn(p: &mut Planner, speed: f32, turn: f32) -> f32 {
         });
     }
     p.close(0.40);
-    debug_assert!(turn >= FRAC_PI_2 - 1e-3);
     from
 }

@@ -88,22 +88,28 @@ pub(super) fn keyed(keys: &[(f32, f32)], t: f32) -> f32 {
     mix(a.1, b.1, 0.5 - 0.5 * (0.5 * TAU * u).cos())
 }
 
+/// The larger of two, rounded over `width` where they cross; never below either.
+pub(super) fn soft_maximum(a: f32, b: f32, width: f32) -> f32 {
+    let h = (0.5 + 0.5 * (a - b) / width).clamp(0.0, 1.0);
+    mix(b, a, h) + width * h * (1.0 - h)
+}
+
 /// Gaussian smoothing with the standard deviation `sigma` in samples; the ends are held.
 pub(super) fn smooth(values: &[f32], sigma: f32) -> Vec<f32> {
-    let radius = (3.0 * sigma).ceil() as isize;
-    let kernel: Vec<f32> = (-radius..=radius).map(|k| (-0.5 * (k as f32 / sigma).powi(2)).exp()).collect();
+    let Some(last) = values.len().checked_sub(1) else { return Vec::new() };
+    let radius = (3.0 * sigma).ceil() as usize;
+    let kernel: Vec<f32> =
+        (0..=2 * radius).map(|k| (-0.5 * ((k as f32 - radius as f32) / sigma).powi(2)).exp()).collect();
     let total: f32 = kernel.iter().sum();
-    let last = values.len() as isize - 1;
-    (0..=last)
-        .map(|i| {
-            let sum: f32 = kernel
-                .iter()
-                .enumerate()
-                .map(|(k, w)| w * values[(i + k as isize - radius).clamp(0, last) as usize])
-                .sum();
-            sum / total
-        })
-        .collect()
+    let held: Vec<f32> =
+        (0..values.len() + 2 * radius).map(|i| values[i.saturating_sub(radius).min(last)]).collect();
+    // Weight by weight over all samples, which processors do several at a time.
+    let mut sums = vec![0.0f32; values.len()];
+    for (k, weight) in kernel.iter().enumerate() {
+        sums.iter_mut().zip(&held[k..]).for_each(|(sum, value)| *sum += weight * value);
+    }
+    sums.iter_mut().for_each(|sum| *sum /= total);
+    sums
 }
 
 /// The smallest value within `radius` samples of each.
@@ -166,6 +172,26 @@ mod tests {
         }
         // It sets off before the pressure moves.
         assert!(c[190] > 0.03);
+    }
+
+    #[test]
+    fn smoothing_is_a_weighted_mean_with_held_ends() {
+        assert_eq!(smooth(&[], 2.0), Vec::<f32>::new());
+        assert!(smooth(&[3.0; 40], 4.0).iter().all(|v| (v - 3.0).abs() < 1e-5));
+        // A single one among zeros becomes the kernel: weights e^(-d²/2) over their sum up to three samples away.
+        let mut single = vec![0.0; 21];
+        single[10] = 1.0;
+        let smoothed = smooth(&single, 1.0);
+        let total: f32 = (-3..=3).map(|d| (-0.5 * (d * d) as f32).exp()).sum();
+        for d in 0..=3usize {
+            let expected = (-0.5 * (d * d) as f32).exp() / total;
+            assert!((smoothed[10 + d] - expected).abs() < 1e-6 && (smoothed[10 - d] - expected).abs() < 1e-6);
+        }
+        assert_eq!(smoothed[14], 0.0);
+        // The first sample is held before the beginning: half of the kernel falls on it.
+        let edge = smooth(&[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], 1.0)[0];
+        let half: f32 = (0..=3).map(|d| (-0.5 * (d * d) as f32).exp()).sum();
+        assert!((edge - half / total).abs() < 1e-6);
     }
 
     #[test]

@@ -10,7 +10,7 @@ use std::sync::LazyLock;
 
 use glam::{Quat, Vec2, Vec3};
 
-use super::curve::{Spline, ease, minimum_jerk, mix};
+use super::curve::{Spline, ease, minimum_jerk, mix, soft_maximum};
 use super::plan::{BALL, Foothold, Plan, Step, ball_of};
 use crate::math::planar::rotate;
 use crate::motion::Joint;
@@ -117,8 +117,9 @@ struct Flight {
     pitch: Spline,
     /// Over u, metres.
     height: Spline,
-    /// Sideways detour round the standing leg, metres.
+    /// Sideways detour round the standing leg, metres, and the progress at which it is widest.
     detour: Vec2,
+    widest: f32,
 }
 
 /// Forward, level or backward table value.
@@ -127,8 +128,16 @@ fn blend(values: [f32; 3], forward: f32) -> f32 {
 }
 
 impl Flight {
-    /// `effort`: how high the foot is lifted and how far the heel is, 1 in walking.
-    fn new(from: Foothold, step: &Step, earliest_rise: f32, other: Foothold, effort: f32) -> Self {
+    /// `effort`: how high the foot is lifted and how far the heel is, 1 in walking; `wider`: metres that the foot goes further
+    /// round the standing leg than the feet alone need.
+    fn new(
+        from: Foothold,
+        step: &Step,
+        earliest_rise: f32,
+        other: Foothold,
+        effort: f32,
+        wider: f32,
+    ) -> Self {
         let &Step { lift, land, to, .. } = step;
         let swing = land - lift;
         let rise = (lift - (0.6 * swing).clamp(0.16, 0.40)).max(earliest_rise);
@@ -158,12 +167,11 @@ impl Flight {
         knots.push((STRIKE, strike_height));
         let height = Spline::new(&knots, (0.0, slope * pitch_slope));
 
-        // The swinging foot goes round the standing one.
+        // The swinging foot goes round the standing one, on its own side.
         let centre = |h: &Foothold| h.ankle + h.forward() * 0.5 * BALL;
         let (c0, c1, around) = (centre(&from), centre(&to), centre(&other));
         let ahead = rotate(heading, Vec2::NEG_Y);
-        let side = ahead.perp_dot(c0 + c1 - 2.0 * around).signum();
-        let outward = rotate(heading, Vec2::new(side, 0.0));
+        let outward = rotate(heading, Vec2::new(if step.side == 0 { 1.0 } else { -1.0 }, 0.0));
         let short_of_room = |s: f32| {
             let from_other = c0.lerp(c1, s) - around;
             // Where the feet are abreast; one ahead of the other needs no room beside it.
@@ -171,7 +179,31 @@ impl Flight {
             (ROOM - from_other.dot(outward)).max(0.0) * abreast
         };
         let nearest = (1..20).map(|i| short_of_room(i as f32 / 20.0)).fold(0.0, f32::max);
-        Self { rise, lift, land, flat, from, to, forward, pitch, height, detour: outward * nearest }
+        let way = c1 - c0;
+        let passing = (around - c0).dot(way) / way.length_squared().max(1e-4);
+        Self {
+            rise,
+            lift,
+            land,
+            flat,
+            from,
+            to,
+            forward,
+            pitch,
+            height,
+            detour: outward * (nearest + wider),
+            widest: passing.clamp(0.3, 0.7),
+        }
+    }
+
+    /// How much of the detour is gone at some progress: none at both ends.
+    fn aside(&self, progress: f32) -> f32 {
+        let part = if progress < self.widest {
+            progress / self.widest
+        } else {
+            (1.0 - progress) / (1.0 - self.widest)
+        };
+        (0.5 * PI * part).sin().powi(2)
     }
 
     fn sample(&self, t: f32) -> FootSample {
@@ -197,7 +229,7 @@ impl Flight {
         let gait = PROGRESS_SPLINE.at(u);
         let even = minimum_jerk(u / mix(0.92, STRIKE, (backward / TOE_FIRST).min(1.0)));
         let s = mix(even, gait, self.forward.max(0.0));
-        let mut at = a.lerp(b, s) + self.detour * (PI * s).sin().powi(2);
+        let mut at = a.lerp(b, s) + self.detour * self.aside(s);
         if u > 0.4 && pitch > 0.0 {
             // Resting on the heel, the ball is behind where it will lie.
             let back = HEEL_TO_BALL * (1.0 - pitch.cos()) + TOE_HEIGHT * pitch.sin();
@@ -211,12 +243,6 @@ impl Flight {
     }
 }
 
-/// The larger of two, rounded over `width` where they cross; never below either.
-fn soft_maximum(a: f32, b: f32, width: f32) -> f32 {
-    let h = (0.5 + 0.5 * (a - b) / width).clamp(0.0, 1.0);
-    mix(b, a, h) + width * h * (1.0 - h)
-}
-
 static PROGRESS_SPLINE: LazyLock<Spline> = LazyLock::new(|| Spline::new(&PROGRESS, (0.0, 0.0)));
 
 /// The whole path of one foot.
@@ -226,14 +252,16 @@ pub(super) struct FootTrack {
 }
 
 impl FootTrack {
-    pub(super) fn new(plan: &Plan, side: usize) -> Self {
+    /// `wider`: for each of the foot's steps, in order, how much further it goes round the other leg, metres.
+    pub(super) fn new(plan: &Plan, side: usize, wider: &[f32]) -> Self {
         let mut now = plan.feet;
         let mut flights: Vec<Flight> = Vec::new();
         for step in &plan.steps {
             if step.side == side {
                 let earliest = flights.last().map_or(f32::NEG_INFINITY, |f| f.flat);
                 let effort = if plan.is_seated(step) { SHUFFLE } else { 1.0 };
-                flights.push(Flight::new(now[side], step, earliest, now[1 - side], effort));
+                let wider = wider.get(flights.len()).copied().unwrap_or(0.0);
+                flights.push(Flight::new(now[side], step, earliest, now[1 - side], effort, wider));
             }
             now[step.side] = step.to;
         }
@@ -250,6 +278,15 @@ impl FootTrack {
                 FootSample { ball, yaw: hold.yaw, pitch: 0.0, toe_bend: 0.0, planted: true }
             }
         }
+    }
+
+    /// The step that the foot is making at `t`, by number.
+    pub(super) fn step_at(&self, t: f32) -> Option<usize> {
+        self.flights.iter().position(|f| (f.rise..f.flat).contains(&t))
+    }
+
+    pub(super) fn steps(&self) -> usize {
+        self.flights.len()
     }
 
     /// Where the foot stands or is about to land at `t`.
@@ -280,7 +317,7 @@ mod tests {
     fn no_point_of_the_sole_enters_the_floor() {
         for plan in plans() {
             for side in 0..2 {
-                let track = FootTrack::new(&plan, side);
+                let track = FootTrack::new(&plan, side, &[]);
                 for i in 0..(plan.duration * 200.0) as usize {
                     let f = track.sample(i as f32 / 200.0);
                     let heel = f.ankle() + f.rotation() * Vec3::new(0.0, HEEL_LENGTH, -ANKLE_HEIGHT);
@@ -303,7 +340,7 @@ mod tests {
     fn planted_balls_rest_and_nothing_jumps() {
         for plan in plans() {
             for side in 0..2 {
-                let track = FootTrack::new(&plan, side);
+                let track = FootTrack::new(&plan, side, &[]);
                 let step = 1.0 / 240.0;
                 let samples: Vec<_> =
                     (0..(plan.duration / step) as usize).map(|i| track.sample(i as f32 * step)).collect();

@@ -2,6 +2,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 
+use crate::math::capsule::Capsule;
 use crate::motion::Joint;
 use crate::motion::skeleton::{JOINT_OFFSET, LEG_LENGTH};
 
@@ -10,6 +11,9 @@ pub(super) const LEG_REACH: f32 = 2.0 * LEG_LENGTH * 0.99813;
 
 const UPPER_ARM: f32 = JOINT_OFFSET[Joint::LeftForeArm as usize].x;
 const FOREARM: f32 = JOINT_OFFSET[Joint::LeftHand as usize].x;
+
+/// Upper arm and forearm together, metres.
+pub(super) const ARM_LENGTH: f32 = UPPER_ARM + FOREARM;
 
 /// World rotations of thigh and shin that put the ankle at `ankle`, with the knee towards `forward`.
 ///
@@ -27,6 +31,109 @@ pub(super) fn leg(hip: Vec3, ankle: Vec3, forward: Vec3) -> (Quat, Quat) {
     };
     let thigh = down * (0.5 * distance) + ahead * bend;
     (bone(thigh), bone(down * distance - thigh))
+}
+
+/// A posed leg: its joints and rotations in the world.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Leg {
+    pub hip: Vec3,
+    pub ankle: Vec3,
+    pub thigh: Quat,
+    pub shin: Quat,
+    pub foot: Quat,
+}
+
+/// Radii of a thigh and of a shin, upper and lower end, and of a foot, metres: the mannequin's.
+const THIGH: [f32; 2] = [0.067, 0.052];
+const SHIN: [f32; 2] = [0.052, 0.034];
+const FOOT: [f32; 2] = [0.035, 0.030];
+/// The quarter of a thigh at the hip lies in the groin.
+const GROIN: f32 = 0.25;
+
+impl Leg {
+    pub(super) fn knee(&self) -> Vec3 {
+        self.hip + self.thigh * (Vec3::NEG_Z * LEG_LENGTH)
+    }
+
+    fn capsules(&self) -> [Capsule; 3] {
+        let knee = self.knee();
+        let heel = self.ankle + self.foot * Vec3::new(0.0, 0.03, -0.045);
+        let ball = self.ankle + self.foot * Vec3::new(0.0, -0.13, -0.055);
+        [
+            Capsule { ends: [self.hip.lerp(knee, GROIN), knee], radii: THIGH },
+            Capsule { ends: [knee, self.ankle], radii: SHIN },
+            Capsule { ends: [heel, ball], radii: FOOT },
+        ]
+    }
+}
+
+/// How deep two legs are in one another, metres; negative is the gap between them.
+pub(super) fn depth_between(legs: &[Leg; 2]) -> f32 {
+    let [left, right] = legs.each_ref().map(Leg::capsules);
+    let pairs = left.iter().flat_map(|one| right.iter().map(move |other| one.depth_in(other)));
+    pairs.fold(f32::NEG_INFINITY, f32::max)
+}
+
+/// The trunk of a posed body: two capsules each of pelvis, waist and chest, the mannequin's, in the world.
+pub(super) struct Trunk([Capsule; 6]);
+
+impl Trunk {
+    /// `joints`: place and rotation of hips, lower chest and upper chest.
+    pub(super) fn new(joints: [(Vec3, Quat); 3]) -> Self {
+        const SHAPES: [(usize, [f32; 3], [f32; 3], [f32; 2]); 3] = [
+            (0, [0.044, 0.013, -0.02], [0.041, 0.012, 0.08], [0.115, 0.105]),
+            (1, [0.038, -0.011, -0.11], [0.042, -0.011, 0.06], [0.097, 0.106]),
+            (2, [0.045, -0.013, -0.05], [0.055, -0.008, 0.09], [0.112, 0.108]),
+        ];
+        Self(std::array::from_fn(|k| {
+            let (joint, from, to, radii) = SHAPES[k / 2];
+            let side = Vec3::new(if k % 2 == 0 { 1.0 } else { -1.0 }, 1.0, 1.0);
+            let (at, turned) = joints[joint];
+            Capsule { ends: [from, to].map(|end| at + turned * (Vec3::from(end) * side)), radii }
+        }))
+    }
+
+    /// How deep an arm is in the trunk beyond what flesh gives, metres; negative is the gap between them. The half of the
+    /// upper arm at the shoulder lies in the armpit.
+    pub(super) fn depth_of(&self, arm: &Arm) -> f32 {
+        const GIVES: [f32; 3] = [0.035, 0.030, 0.035];
+        let elbow = arm.shoulder + arm.upper * JOINT_OFFSET[arm.joint(0)];
+        let wrist = elbow + arm.lower * JOINT_OFFSET[arm.joint(1)];
+        let tip = wrist + arm.hand * Vec3::new(0.15 * arm.sign, 0.0, -0.02);
+        let parts = [
+            Capsule { ends: [arm.shoulder.lerp(elbow, 0.5), elbow], radii: [0.046, 0.038] },
+            Capsule { ends: [elbow, wrist], radii: [0.039, 0.028] },
+            Capsule { ends: [wrist, tip], radii: [0.020, 0.016] },
+        ];
+        let pairs = parts
+            .iter()
+            .zip(GIVES)
+            .flat_map(|(part, gives)| self.0.iter().map(move |trunk| part.depth_in(trunk) - gives));
+        pairs.fold(f32::NEG_INFINITY, f32::max)
+    }
+}
+
+/// A posed arm: its shoulder joint and rotations in the world. `sign`: 1 left, -1 right.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Arm {
+    pub sign: f32,
+    pub shoulder: Vec3,
+    pub clavicle: Quat,
+    pub upper: Quat,
+    pub lower: Quat,
+    pub hand: Quat,
+}
+
+impl Arm {
+    /// Forearm (0) or hand (1) of its side.
+    fn joint(&self, which: usize) -> usize {
+        let joints = if self.sign > 0.0 {
+            [Joint::LeftForeArm, Joint::LeftHand]
+        } else {
+            [Joint::RightForeArm, Joint::RightHand]
+        };
+        joints[which].index()
+    }
 }
 
 /// World rotations of upper arm and forearm (`sign` 1 left, -1 right) that put the wrist at `wrist`, elbow towards `elbow`.
@@ -50,6 +157,20 @@ pub(super) fn arm(sign: f32, shoulder: Vec3, wrist: Vec3, elbow: Vec3) -> (Quat,
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn legs_side_by_side_have_the_gap_between_their_thighs() {
+        let leg = |x: f32| Leg {
+            hip: Vec3::new(x, 0.0, 0.97),
+            ankle: Vec3::new(x, 0.0, 0.082),
+            thigh: Quat::IDENTITY,
+            shin: Quat::IDENTITY,
+            foot: Quat::IDENTITY,
+        };
+        // Thickest where the groin ends.
+        assert!((depth_between(&[leg(0.1), leg(-0.1)]) - (2.0 * THIGH[0] - 0.2)).abs() < 1e-5);
+        assert!(depth_between(&[leg(0.05), leg(-0.05)]) > 0.03);
+    }
 
     proptest! {
         #[test]

@@ -5,6 +5,8 @@
 //! 5–7° (Murray et al. 1964).
 
 use glam::Vec2;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 
 use super::curve::{ease, mix};
 use super::style::Style;
@@ -83,6 +85,8 @@ pub(super) struct Plan {
     pub seat: Option<Seat>,
     /// In order of time. Without any, a clip with a seat is seated throughout.
     pub seatings: Vec<Seating>,
+    /// Seconds: a seated person sits otherwise from here on.
+    pub stirs: Option<f32>,
 }
 
 impl Plan {
@@ -109,6 +113,11 @@ impl Plan {
         seat.pelvis + seat.shift * moved
     }
 
+    /// How far a seated person has come to sit otherwise at `t` seconds: 0 to 1.
+    pub(super) fn stirred(&self, t: f32) -> f32 {
+        self.stirs.map_or(0.0, |at| ease(t, at, at + STIRRING_SECONDS))
+    }
+
     /// How far each knee is turned outwards at `t` seconds, radians.
     pub(super) fn knee_spread(&self, t: f32) -> f32 {
         self.seat.map_or(0.0, |seat| seat.spread * ease(self.swivelled(t), 0.0, KNEES_PAST))
@@ -119,13 +128,24 @@ impl Plan {
         self.steps.iter().filter(|step| !self.is_seated(step))
     }
 
-    /// Whether the person sits while taking this step.
+    /// Whether the person sits while taking this step, or a seat all but carries them.
     pub(super) fn is_seated(&self, step: &Step) -> bool {
-        let past = self.seatings.iter().rev().find(|s| s.start < step.lift);
-        past.is_some_and(|s| s.down && step.lift >= 0.5 * (s.start + s.end))
+        let part = |s: &Seating| (step.lift - s.start) / (s.end - s.start);
+        match self.seatings.iter().rev().find(|s| s.start < step.lift) {
+            Some(s) if s.down => part(s) >= FEET_FREE.0,
+            Some(s) => part(s) < FEET_FREE.1,
+            None => self.seat.is_some() && self.seatings.first().is_none_or(|s| !s.down),
+        }
     }
 }
 
+/// From where on the way down, and until where on the way up, feet are set without carrying the body.
+const FEET_FREE: (f32, f32) = (0.45, 0.3);
+
+/// Seconds before a foot leaves the floor that the weight begins to go over to the other, and that it is there.
+pub(super) const WEIGHT_SHIFT: (f32, f32) = (0.72, 0.16);
+/// Seconds that it takes to sit otherwise.
+const STIRRING_SECONDS: f32 = 1.3;
 /// Metres between the ankles while standing.
 pub(super) const STANDING_WIDTH: f32 = 0.17;
 /// Metres between the ankles while walking.
@@ -143,7 +163,7 @@ pub(super) const SWIVEL_FROM: f32 = 0.80;
 const KNEES_PAST: f32 = 0.6;
 const MOVE_IN_FROM: f32 = 0.7;
 /// Seconds from the last step of the turn until all of the body has come round.
-pub(super) const SETTLE_SECONDS: f32 = 0.25;
+pub(super) const SETTLE_SECONDS: f32 = 0.35;
 
 /// Step length in metres at a walking speed in m/s.
 pub(super) fn step_length(speed: f32) -> f32 {
@@ -168,6 +188,8 @@ pub(super) struct Planner {
     landed: f32,
     /// Side of the next step.
     pub next: usize,
+    /// No two steps are the same.
+    random: Pcg64Mcg,
 }
 
 /// What one step does to the body's frame, and how fast.
@@ -191,8 +213,22 @@ impl Planner {
     pub(super) fn new(style: Style, first_side: usize) -> Self {
         let foot = |side: usize| foothold(Vec2::ZERO, 0.0, side, STANDING_WIDTH, &style);
         let feet = [foot(0), foot(1)];
-        let plan = Plan { style, feet, steps: Vec::new(), duration: 0.0, seat: None, seatings: Vec::new() };
-        Self { plan, position: Vec2::ZERO, yaw: 0.0, free: 0.0, landed: 0.0, next: first_side }
+        let plan = Plan {
+            style,
+            feet,
+            steps: Vec::new(),
+            duration: 0.0,
+            seat: None,
+            seatings: Vec::new(),
+            stirs: None,
+        };
+        let random = Pcg64Mcg::seed_from_u64(0x57E9_0000 + style.seed);
+        Self { plan, position: Vec2::ZERO, yaw: 0.0, free: 0.0, landed: 0.0, next: first_side, random }
+    }
+
+    /// A factor about 1.
+    fn about(&mut self, spread: f32) -> f32 {
+        1.0 + spread * self.random.random_range(-1.0f32..1.0)
     }
 
     /// Seconds so far: the last foot's landing or the end of the stand after it.
@@ -224,13 +260,12 @@ impl Planner {
         let heading = self.yaw + 0.5 * stride.turn;
         self.position += rotate(heading, Vec2::new(stride.left, -stride.forward));
         self.yaw += stride.turn;
-        let lift = self.free.max(self.landed + stride.double_support);
+        let lift = self.free.max(self.landed + stride.double_support * self.about(0.08));
         let to = foothold(self.position, self.yaw, side, stride.width, &self.plan.style);
-        let from =
-            self.plan.steps.iter().rev().find(|s| s.side == side).map_or(self.plan.feet[side], |s| s.to);
+        let from = self.foot(side);
         // A small step is a quick one.
         let way = ball_of(&to).distance(ball_of(&from));
-        let land = lift + stride.swing.min(SHORTEST_SWING + SWING_PER_METRE * way);
+        let land = lift + stride.swing.min(SHORTEST_SWING + SWING_PER_METRE * way) * self.about(0.035);
         self.plan.steps.push(Step { side, lift, land, to });
         self.landed = land;
         self.next = 1 - side;
@@ -240,14 +275,15 @@ impl Planner {
     /// One walking step at `speed`, of `share` of that speed's length, turning by `turn`.
     pub(super) fn step(&mut self, speed: f32, share: f32, turn: f32) -> &mut Self {
         let style = self.plan.style;
-        let length = step_length(speed) * style.length;
+        let length = step_length(speed) * style.length * self.about(0.05);
         let duration = length / speed * (0.35 + 0.65 * share);
         let both = double_support_share(speed) * duration;
+        let width = WALKING_WIDTH * style.width * self.about(0.12);
         self.stride(Stride {
             forward: length * share,
             left: 0.0,
             turn,
-            width: WALKING_WIDTH * style.width,
+            width,
             swing: duration - both,
             double_support: both,
         })
@@ -255,7 +291,7 @@ impl Planner {
 
     /// From standing: weight shifts, a short first step, a nearly full second.
     pub(super) fn start(&mut self, speed: f32, turn: f32) -> &mut Self {
-        self.stand(0.55);
+        self.stand(WEIGHT_SHIFT.0 + 0.2);
         self.step(speed, 0.66, turn).step(speed, 0.9, 0.0)
     }
 
@@ -331,22 +367,76 @@ impl Planner {
     }
 
     /// Turns on the seat by `total` (radians, left positive) in `count` pairs of steps round the pelvis, the inner foot
-    /// first. `radius`: ankles from the pelvis joint, metres; the pelvis moves by `shift` meanwhile.
-    pub(super) fn swivel(&mut self, total: f32, count: usize, radius: f32, shift: Vec2) -> &mut Self {
+    /// first, which come to stand `width` apart. `radius`: ankles from the pelvis joint, metres; the pelvis moves by `shift`
+    /// meanwhile.
+    pub(super) fn swivel(
+        &mut self,
+        total: f32,
+        count: usize,
+        radius: f32,
+        shift: Vec2,
+        width: f32,
+    ) -> &mut Self {
         self.turn_in_pairs(total, count, |planner, turn| {
             let chord = rotate(turn, Vec2::NEG_Y) - Vec2::NEG_Y;
             // What the stride does to the body's frame, seen from half-way between both headings.
             let moved = rotate(-(planner.yaw + 0.5 * turn), shift) / (2 * count) as f32;
             let local = rotate(-0.5 * turn, radius * chord) + moved;
-            Stride {
-                forward: -local.y,
-                left: local.x,
-                turn,
-                width: STANDING_WIDTH,
-                swing: 0.40,
-                double_support: 0.08,
-            }
+            Stride { forward: -local.y, left: local.x, turn, width, swing: 0.40, double_support: 0.08 }
         })
+    }
+
+    /// Feet set as one sits: apart and one ahead of the other, at the times given, after a turn by `turn` (radians, left
+    /// positive) over the feet.
+    pub(super) fn settle(&mut self, turn: f32, lifts: [f32; 2]) -> &mut Self {
+        self.yaw += turn;
+        let first = match turn {
+            0.0 => self.plan.style.seated.first,
+            left if left > 0.0 => 0,
+            _ => 1,
+        };
+        for (side, lift) in [first, 1 - first].into_iter().zip(lifts) {
+            let to = seated_foothold(self.position, self.yaw, side, &self.plan.style);
+            self.set_foot(side, lift.max(self.landed + 0.02), to);
+        }
+        self
+    }
+
+    /// Feet drawn back from where one sits to where one gets up.
+    pub(super) fn draw_back(&mut self, lifts: [f32; 2]) -> &mut Self {
+        let first = self.plan.style.seated.first;
+        for (side, lift) in [first, 1 - first].into_iter().zip(lifts) {
+            let to = foothold(self.position, self.yaw, side, STANDING_WIDTH, &self.plan.style);
+            self.set_foot(side, lift.max(self.landed + 0.02), to);
+        }
+        self
+    }
+
+    /// From now on the person sits otherwise: hands, trunk, and one foot, which comes back beside the other.
+    pub(super) fn stir(&mut self, moves_a_foot: bool) -> &mut Self {
+        let at = self.now();
+        self.plan.stirs = Some(at);
+        if moves_a_foot {
+            let side = 1 - self.plan.style.seated.first;
+            let mut to = self.foot(side);
+            to.ankle -= 0.8 * self.plan.style.seated.stagger.abs() * to.forward();
+            self.set_foot(side, at + 0.3, to);
+        }
+        self
+    }
+
+    /// A small step that carries nothing.
+    fn set_foot(&mut self, side: usize, lift: f32, to: Foothold) {
+        let from = self.foot(side);
+        let land = lift + SHORTEST_SWING + 0.05 + SWING_PER_METRE * ball_of(&to).distance(ball_of(&from));
+        self.plan.steps.push(Step { side, lift, land, to });
+        self.landed = land;
+        self.next = 1 - side;
+    }
+
+    /// Where a foot stands after all steps so far.
+    fn foot(&self, side: usize) -> Foothold {
+        self.plan.steps.iter().rev().find(|s| s.side == side).map_or(self.plan.feet[side], |s| s.to)
     }
 
     /// One step backwards by `length` metres at `speed`.
@@ -368,9 +458,22 @@ impl Planner {
         self.plan
     }
 
+    pub(super) fn style(&self) -> &Style {
+        &self.plan.style
+    }
+
     /// For what a stride cannot say: seats.
     pub(super) fn plan_mut(&mut self) -> &mut Plan {
         &mut self.plan
+    }
+}
+
+/// The same of a seated person: apart and one ahead.
+pub(super) fn seated_foothold(position: Vec2, yaw: f32, side: usize, style: &Style) -> Foothold {
+    let sign = if side == 0 { 1.0 } else { -1.0 };
+    Foothold {
+        ankle: position + rotate(yaw, 0.5 * sign * Vec2::new(style.seated.width, -style.seated.stagger)),
+        yaw: yaw + sign * (TOE_OUT * style.toe_out + 0.5 * style.seated.knees),
     }
 }
 

@@ -3,10 +3,11 @@
 //! Phases and angles follow the kinematics of rising from a chair: trunk flexion first, the seat left at about a third of
 //! the time while the trunk is near its greatest flexion (Schenkman et al. 1990; Nuzik et al. 1986), and of sitting down,
 //! which is slower and in the reverse order (Kralj et al. 1990). Lower seats ask for more flexion (Janssen et al. 2002).
+//! What differs from person to person (pace, lean, where feet and hands come to rest) is [`super::style::Manner`].
 
 use super::curve::{ease, keyed, mix};
 use super::plan::{Plan, Seating};
-use crate::motion::skeleton::{ANKLE_HEIGHT, LEG_LENGTH, SEATED_HIPS_HEIGHT};
+use crate::motion::skeleton::{ANKLE_HEIGHT, LEG_LENGTH, SEATED_HIPS_HEIGHT, STANDING_HIPS_HEIGHT};
 
 /// The pelvis joint behind the front edge, metres.
 #[cfg(test)]
@@ -62,17 +63,50 @@ pub(super) struct SeatState {
     pub lean: f32,
     /// 0 arms hang, 1 hands on the thighs.
     pub hands: f32,
+    /// How far hands that reach for the seat are there.
+    pub reach: f32,
     /// 0 upright posture, 1 the posture of sitting (pelvis tilted back).
     pub rest: f32,
     /// 0 feet as planned, 1 as [`SeatedLegs`] has them.
     pub feet: f32,
 }
 
-const SEATED: SeatState = SeatState { back: 1.0, down: 1.0, lean: 0.0, hands: 1.0, rest: 1.0, feet: 1.0 };
+const SEATED: SeatState =
+    SeatState { back: 1.0, down: 1.0, lean: 0.0, hands: 1.0, reach: 0.0, rest: 1.0, feet: 1.0 };
 
-/// Greatest forward lean on the way, radians.
+/// Greatest forward lean on the way, radians: the lower the seat the more.
 fn greatest_lean(height: f32) -> f32 {
-    mix(43.0, 20.0, ((height - 0.30) / 0.45).clamp(0.0, 1.0)).to_radians()
+    mix(75.0, 46.0, ((height - 0.42) / 0.33).clamp(0.0, 1.0)).to_radians()
+}
+
+/// How much of a lean the pelvis makes on the seat; the spine makes the rest.
+pub(super) fn pelvis_share(height: f32) -> f32 {
+    mix(0.15, 0.50, ((height - 0.31) / 0.19).clamp(0.0, 1.0))
+}
+
+/// How far the trunk leans back once seated, radians: far on what is as low as a sofa, not on a stool.
+pub(super) fn recline(plan: &Plan) -> f32 {
+    plan.seat.map_or(0.0, |seat| {
+        let usual = mix(0.13, 0.02, ((seat.height - 0.38) / 0.26).clamp(0.0, 1.0));
+        if seat.at_table { 0.02 } else { (usual + plan.style.seated.recline).max(0.0) }
+    })
+}
+
+/// Lean on the way up, of that on the way down: all of it from a low seat.
+fn lean_up(height: f32) -> f32 {
+    mix(1.0, 0.78, ((height - 0.32) / 0.12).clamp(0.0, 1.0))
+}
+
+/// Of the way down, when the pelvis begins to sink and when it rests.
+const SINKING: (f32, f32) = (0.10, 0.78);
+/// Fastest sink but for what leaning adds to it, m/s.
+const FASTEST_SINK: f32 = 0.36;
+
+/// Seconds from the first lean to sitting: the pelvis sinks by minimum jerk, whose fastest is 15/8 of its mean speed.
+pub(super) fn way_down(height: f32, pace: f32) -> f32 {
+    let drop = STANDING_HIPS_HEIGHT - height - SEATED_HIPS_HEIGHT;
+    let sinking = pace * (1.875 * drop / FASTEST_SINK).clamp(1.5, 2.3);
+    sinking / (SINKING.1 - SINKING.0)
 }
 
 /// The state of `plan` at `t` seconds.
@@ -81,13 +115,14 @@ pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
     let current = plan.seatings.iter().rev().find(|s| s.start <= t).or(plan.seatings.first());
     let Some(&Seating { down, start, end, .. }) = current else { return SEATED };
     let v = (t - start) / (end - start);
-    let most = greatest_lean(seat.height);
+    let most = plan.style.seated.bow * greatest_lean(seat.height);
     if down {
         SeatState {
             back: ease(v, 0.06, 0.72),
-            down: ease(v, 0.09, 0.76),
-            lean: most * keyed(&[(0.0, 0.0), (0.47, 1.0), (0.60, 0.97), (1.0, 0.0)], v),
-            hands: ease(v, 0.26, 0.74),
+            down: ease(v, SINKING.0, SINKING.1),
+            lean: most * keyed(&[(0.0, 0.0), (0.45, 1.0), (0.56, 0.97), (1.0, 0.0)], v),
+            hands: ease(v, 0.26, 0.80),
+            reach: keyed(&[(0.16, 0.0), (0.50, 1.0), (0.66, 1.0), (0.92, 0.0)], v),
             rest: ease(v, 0.60, 1.0),
             feet: ease(v, 0.45, 0.92),
         }
@@ -95,8 +130,11 @@ pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
         SeatState {
             back: 1.0 - ease(v, 0.14, 0.84),
             down: 1.0 - ease(v, 0.26, 0.93),
-            lean: most * keyed(&[(0.0, 0.0), (0.36, 1.0), (0.46, 0.97), (0.96, 0.0)], v),
+            lean: lean_up(seat.height)
+                * most
+                * keyed(&[(0.0, 0.0), (0.36, 1.0), (0.46, 0.97), (0.96, 0.0)], v),
             hands: 1.0 - ease(v, 0.24, 0.86),
+            reach: keyed(&[(0.0, 0.0), (0.22, 1.0), (0.34, 1.0), (0.64, 0.0)], v),
             rest: 1.0 - ease(v, 0.0, 0.38),
             feet: 1.0 - ease(v, 0.0, 0.34),
         }

@@ -68,6 +68,14 @@ fn no_clip_has_a_fault() {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
+/// What the project's own eyes would object to in any motion, the library is free of.
+#[test]
+fn limbs_stay_out_of_the_own_body_and_within_their_limits() {
+    let figures = LIBRARY.body_figures();
+    assert!(figures.own_body.percent < 0.3, "{:?}", figures.own_body);
+    assert!(figures.joint_limits.percent < 0.02, "{:?}", figures.joint_limits);
+}
+
 #[test]
 fn segments_tile_their_clip() {
     for clip in &LIBRARY.clips {
