@@ -21,14 +21,14 @@ from .files import check_writable
 from .pipeline import LibraryCache, Progress, run_blocking, synthesis_steps
 from .properties import LARGEST_INTEGER, LAST_FRAME, SCENE_SCALES
 
-#: Exit statuses: done; no result; written, but a cue was not met or the motion has another problem. argparse has one of its own for a command it cannot
-#: read.
+#: Exit statuses: done; no result; written, but a cue was not met or the motion has another problem. argparse has one of
+#: its own for a command it cannot read.
 DONE, FAILED, USAGE, NOT_MET = 0, 1, 2, 3
 EXIT_STATUSES = f"""exit status:
   {DONE}  the file and the report are written, every cue is met and nothing else is wrong
   {FAILED}  there is no result: one sentence on stderr says why, and so does the report
   {USAGE}  the command line cannot be read: nothing was looked at
-  {NOT_MET}  the file and the report are written, but a cue was not met, or a limb is in body or scene: the report says which"""
+  {NOT_MET}  the file and the report are written, but a cue was not met, or a limb is in body or scene"""
 
 
 def parser() -> argparse.ArgumentParser:

@@ -18,7 +18,6 @@ import numpy as np
 from . import native
 from .native import core
 from .pipeline import (
-    all_met,
     LibraryCache,
     Outcome,
     Request,
@@ -26,6 +25,7 @@ from .pipeline import (
     SkippedFiles,
     Steps,
     T,
+    all_met,
     finish,
     library_steps,
     merged,

@@ -21,6 +21,8 @@ const DEEPER: f32 = 0.004;
 const CLEAR: f32 = 0.001;
 /// Arms lie on tables so deep, metres.
 const RESTS: f32 = 0.002;
+/// So near its beginning a capsule is the end of the one before it, as a part of its length.
+const NEAR_END: f32 = 0.02;
 /// σ of a contact, metres.
 const CONTACT_SIGMA: f32 = 2e-3;
 /// σ of an arm that is to stay as it is, radians.
@@ -126,6 +128,10 @@ impl Touches<'_> {
             body_capsules(pose).into_iter().enumerate().filter_map(move |(shape, (part, capsule))| {
                 let room = room.filter(|_| moves(part))?;
                 let contact = room.scene.depth_of(&capsule, room.above).filter(|c| c.depth > RESTS)?;
+                // An elbow or a wrist is the far end of what it hangs from, which knows from which side it came.
+                if !contact.through && contact.part < NEAR_END && !is_upper_arm(part) {
+                    return None;
+                }
                 let contact = from_the_shoulder(contact, &capsule);
                 let place = capsule.ends[0].lerp(capsule.ends[1], contact.part);
                 let depth = contact.depth - RESTS;
@@ -152,6 +158,10 @@ impl Touches<'_> {
         };
         [(0, Hand::Left), (1, Hand::Right)].into_iter().flat_map(of_side).collect()
     }
+}
+
+fn is_upper_arm(part: BodyPart) -> bool {
+    matches!(part, BodyPart::LeftUpperArm | BodyPart::RightUpperArm)
 }
 
 /// An arm that passes through a surface went there from its shoulder: however little of it is on that side, the far end has to
