@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::foot::sole;
 use crate::motion::skeleton::{ANKLE_HEIGHT, HEEL_LENGTH, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, FootContact, Joint, Motion, Pose};
 
@@ -32,7 +33,7 @@ pub(crate) fn detect(motion: &Motion) -> Vec<FootContact> {
     let mut contacts = vec![[0.0; 2]; poses.len()];
     for (side, (toe, foot)) in Joint::TOES.into_iter().zip(Joint::FEET).enumerate() {
         let toes: Vec<Vec3> = poses.iter().map(|p| p.position(toe)).collect();
-        let planted = planted_frames(&toes);
+        let planted = planted_frames(&toes, TOE_HEIGHT);
         for (frame, pose) in poses.iter().enumerate() {
             let heel = pose.position(foot) + pose.rotation(foot) * Vec3::new(0.0, HEEL_LENGTH, -ANKLE_HEIGHT);
             let lowest = heel.z.min(toes[frame].z - TOE_HEIGHT);
@@ -53,14 +54,34 @@ fn speed(track: &[Vec3], frame: usize) -> f32 {
     if a == b { 0.0 } else { track[a].distance(track[b]) * FRAME_RATE / (b - a) as f32 }
 }
 
-/// Whether a toe is planted in each frame, from its positions in the world.
-fn planted_frames(toes: &[Vec3]) -> Vec<bool> {
+/// Whether the heel or the ball of each foot carries it, in every frame: `[left, right]`. `planted` says which toes do.
+///
+/// From the heel's strike to the last of the toe it stands: the moment between the two, as it rolls, is no swing.
+pub(crate) fn standing(poses: &[Pose], planted: &[FootContact]) -> Vec<[bool; 2]> {
+    let mut stands = vec![[false; 2]; poses.len()];
+    for side in 0..2 {
+        let heels: Vec<Vec3> = poses.iter().map(|pose| sole(pose, side)[0]).collect();
+        let on_heel = planted_frames(&heels, 0.0);
+        let on_toe = |frame: usize| planted.get(frame).is_some_and(|contact| contact[side] >= 1.0);
+        let mut carried: Vec<bool> = (0..poses.len()).map(|f| on_heel[f] || on_toe(f)).collect();
+        for (first, end) in runs(&carried, false) {
+            if first > 0 && end < poses.len() && end - first <= SHORTEST_PLANT {
+                carried[first..end].fill(true);
+            }
+        }
+        stands.iter_mut().zip(carried).for_each(|(stands, carried)| stands[side] = carried);
+    }
+    stands
+}
+
+/// Whether a toe or a heel is planted in each frame, from its positions in the world and its height where it stands.
+fn planted_frames(toes: &[Vec3], rest: f32) -> Vec<bool> {
     let count = toes.len();
     let mut planted = vec![false; count];
     // Where the toe stands: mean of the plant so far.
     let mut anchor: Option<(Vec3, f32)> = None;
     for frame in 0..count {
-        let height = toes[frame].z - TOE_HEIGHT;
+        let height = toes[frame].z - rest;
         let speed = speed(toes, frame);
         let (limit_height, limit_speed) =
             if anchor.is_some() { (STAY_HEIGHT, STAY_SPEED) } else { (LAND_HEIGHT, LAND_SPEED) };
@@ -134,6 +155,7 @@ pub(crate) fn runs(flags: &[bool], value: bool) -> Vec<(usize, usize)> {
 mod tests {
     use super::*;
     use crate::motion::Posture;
+    use glam::Quat;
 
     #[test]
     fn a_step_is_planted_lifted_planted() {
@@ -145,17 +167,56 @@ mod tests {
             toes.push(Vec3::new(0.0, -0.7 * t, TOE_HEIGHT + arc));
         }
         toes.extend([Vec3::new(0.0, -0.7, TOE_HEIGHT); 20]);
-        let planted = planted_frames(&toes);
+        let planted = planted_frames(&toes, TOE_HEIGHT);
         assert!(planted[..19].iter().all(|&p| p) && planted[33..].iter().all(|&p| p));
         assert!(planted[21..31].iter().all(|&p| !p), "{planted:?}");
     }
 
     #[test]
+    fn a_foot_stands_from_the_heels_strike_on() {
+        // By hand: it comes in with the toes up by 0.4 radians, its heel stays where it struck in frame 8 while the foot
+        // comes down to flat in frame 14, and its toe is planted from frame 16 on.
+        let poses: Vec<Pose> = (0..24)
+            .map(|frame: i32| {
+                let mut posture = Posture::default();
+                let slope = 0.4 * (1.0 - (frame - 8) as f32 / 6.0).clamp(0.0, 1.0);
+                posture.rotations[Joint::LeftFoot.index()] = Quat::from_rotation_x(-slope);
+                let heel = sole(&posture.pose(), 0)[0];
+                let ahead = 0.04 * (8 - frame).max(0) as f32;
+                let rest = sole(&Posture::default().pose(), 0)[0];
+                posture.root_position += rest + Vec3::new(0.0, ahead, 0.5 * ahead) - heel;
+                posture.pose()
+            })
+            .collect();
+        let planted: Vec<_> = (0..24).map(|f| if f >= 16 { [1.0, 0.0] } else { [0.5, 0.0] }).collect();
+        let stands = standing(&poses, &planted);
+        let first = stands.iter().position(|s| s[0]).expect("it stands");
+        assert!((8..=9).contains(&first), "{first}");
+        assert!(stands[first..].iter().all(|s| s[0]));
+        // Without the heel it would stand from frame 16 on; a longer gap than a roll is a swing.
+        let hover: Vec<Pose> = poses
+            .iter()
+            .map(|pose| {
+                let mut pose = *pose;
+                pose.positions.iter_mut().for_each(|p| p.z += 0.1);
+                pose
+            })
+            .collect();
+        let alone = standing(&hover, &planted);
+        assert_eq!(alone.iter().position(|s| s[0]), Some(16));
+        for (gap, closed) in [(3, true), (4, false)] {
+            let planted: Vec<_> =
+                (0..24).map(|f| [if (8..8 + gap).contains(&f) { 0.5 } else { 1.0 }, 0.0]).collect();
+            assert_eq!(standing(&hover, &planted).iter().all(|s| s[0]), closed);
+        }
+    }
+
+    #[test]
     fn a_glide_and_a_low_swing_are_no_plants() {
         let glide: Vec<Vec3> = (0..60).map(|i| Vec3::new(0.0, -0.02 * i as f32, TOE_HEIGHT)).collect();
-        assert!(planted_frames(&glide).iter().all(|&p| !p));
+        assert!(planted_frames(&glide, TOE_HEIGHT).iter().all(|&p| !p));
         let slow: Vec<Vec3> = (0..200).map(|i| Vec3::new(0.0, -0.006 * i as f32, TOE_HEIGHT)).collect();
-        for (first, end) in runs(&planted_frames(&slow), true) {
+        for (first, end) in runs(&planted_frames(&slow, TOE_HEIGHT), true) {
             assert!(slow[first].distance(slow[end - 1]) < 0.1, "a shuffle breaks into short plants");
         }
     }

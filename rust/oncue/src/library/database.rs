@@ -6,6 +6,7 @@ use ndarray::{Array2, aview1};
 use rayon::prelude::*;
 
 use super::clip::{MotionLibrary, Segment};
+use super::contact::standing;
 use super::feature::{
     FUTURE_FRAMES, FeatureWeights, Future, MAX_FEATURE, PoseFeature, feature_size, pose_feature,
     write_feature,
@@ -32,6 +33,10 @@ pub struct DatabaseFrame {
     /// From the clip's first frame to this one.
     travelled: Planar,
     pub contact: FootContact,
+    /// Whether the heel or the ball of each foot carries it.
+    pub stands: [bool; 2],
+    /// Frames until it does, from where each swings; `u16::MAX` where the clip ends before.
+    pub until_stands: [u16; 2],
     /// Toe joints.
     pub toe: [Vec3; 2],
     /// Rotations of the feet (not relative to the shin).
@@ -296,6 +301,7 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
     let count = motion.len();
     let poses: Vec<_> = motion.postures.iter().map(Posture::pose).collect();
     let planars: Vec<_> = motion.postures.iter().map(Posture::planar).collect();
+    let stands = standing(&poses, &motion.contacts);
     let mut frames = Vec::with_capacity(count);
     let mut features = Vec::with_capacity(count);
     for i in 0..count {
@@ -322,6 +328,8 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
             step,
             travelled: planars[0].relative(here),
             contact: motion.contacts.get(i).copied().unwrap_or([0.0; 2]),
+            stands: stands[i],
+            until_stands: [u16::MAX; 2],
             toe: Joint::TOES.map(|j| pose.position(j)),
             foot_rotation: Joint::FEET.map(|j| pose.rotation(j)),
             clip: clip_index as u32,
@@ -333,6 +341,11 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
             gives_way: GivesWay::default(),
         });
         features.push(pose_feature(&poses[i], &poses[i.saturating_sub(1)], frames[i].contact));
+    }
+    let mut until = [u16::MAX; 2];
+    for frame in frames.iter_mut().rev() {
+        until = [0, 1].map(|side| if frame.stands[side] { 0 } else { until[side].saturating_add(1) });
+        frame.until_stands = until;
     }
     if count > 1 {
         // The first frame has no frame before it: it moves as the second does.
@@ -352,4 +365,24 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
         frame.gives_way = GivesWay { turn, shift };
     }
     (frames, features)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::test_world::{database, frame_of};
+
+    #[test]
+    fn frames_until_a_foot_stands_count_down_to_it() {
+        let frames = &database().frames;
+        for (at, pair) in frames.windows(2).enumerate().filter(|(_, pair)| pair[0].remaining > 0) {
+            for side in 0..2 {
+                let (now, next) = (pair[0].until_stands[side], pair[1].until_stands[side]);
+                let expected = if pair[0].stands[side] { 0 } else { next.saturating_add(1) };
+                assert_eq!(now, expected, "frame {at}");
+            }
+        }
+        // Who stands, stands; who glides and never does comes to no ground.
+        assert!(frames[frame_of("stand", 0)].stands == [true; 2]);
+        assert_eq!(frames[frame_of("walk", 0)].until_stands, [u16::MAX; 2]);
+    }
 }

@@ -23,6 +23,13 @@ const MOST_TOE_BEND: f32 = 1.0;
 /// Corrections of a planted foot fade in and out over this many frames.
 const BLEND_FRAMES: f32 = 8.0;
 
+/// From the ball's joint (Toe) to the heel on the sole, in the foot's frame, metres.
+pub(crate) const HEEL_ARM: Vec3 = Vec3::new(
+    0.0,
+    HEEL_LENGTH - JOINT_OFFSET[Joint::LeftToe.index()].y,
+    -ANKLE_HEIGHT - JOINT_OFFSET[Joint::LeftToe.index()].z,
+);
+
 /// The lowest points of a foot: heel, ball, tip of the toes (on the sole), in the world.
 pub fn sole(pose: &Pose, side: usize) -> [Vec3; 3] {
     let [_, _, foot, toe] = LEGS[side];
@@ -148,7 +155,6 @@ fn foot_targets(poses: &[Pose], planted: &[bool], side: usize) -> Vec<FootTarget
             Vec3::new(ball.x, ball.y, ball.z.max(TOE_HEIGHT))
         })
         .collect();
-    let heel_arm = Vec3::new(0.0, HEEL_LENGTH, -ANKLE_HEIGHT) - JOINT_OFFSET[toe.index()];
     let tip_arm = Vec3::new(0.0, -TOE_LENGTH, -TOE_HEIGHT);
     let turn = |rotation: Quat, angle: f32| rotation * Quat::from_rotation_x(angle);
     let turned = |rotations: &[Quat], angles: &[f32], sign: f32| -> Vec<Quat> {
@@ -159,7 +165,7 @@ fn foot_targets(poses: &[Pose], planted: &[bool], side: usize) -> Vec<FootTarget
     let feet: Vec<Quat> = poses.iter().map(|p| p.rotation(foot)).collect();
     let hover: Vec<f32> = (0..poses.len())
         .map(|f| {
-            let arm = feet[f] * heel_arm;
+            let arm = feet[f] * HEEL_ARM;
             let height = balls[f].z + arm.z;
             let kept = smoothstep((height - 0.015) / 0.04);
             if planted[f] { (height * (1.0 - kept)).max(0.0) / arm.truncate().length().max(0.1) } else { 0.0 }
@@ -171,7 +177,7 @@ fn foot_targets(poses: &[Pose], planted: &[bool], side: usize) -> Vec<FootTarget
             rotations.iter().zip(&balls).map(|(&q, ball)| lift_angle(ball.z, q, arm, sign)).collect();
         smooth(&widened(&lifts, 2), 2)
     };
-    let feet = turned(&feet, &needed(&feet, heel_arm, 1.0), 1.0);
+    let feet = turned(&feet, &needed(&feet, HEEL_ARM, 1.0), 1.0);
     // Toes are a hinge: captured ones twist and jitter.
     let bends: Vec<f32> = poses
         .iter()

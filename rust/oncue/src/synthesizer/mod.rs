@@ -3,7 +3,7 @@
 //! Every N-th frame the query feature x_t is matched against the database; between searches the
 //! matched clip plays on. What the database gives is carried to where the character stands,
 //! inertialised ([`inertia`]), altered by the posture offset τ as far as arms go ([`arms`]), turned towards the cue when it sits
-//! or stops ([`alignment`]), and its planted feet are kept where they are ([`feet`]). A finished motion is
+//! or stops ([`alignment`]), and its feet stand where they landed ([`feet`]). A finished motion is
 //! played no faster than the library's joints turn ([`pace`]).
 
 mod alignment;
@@ -220,7 +220,8 @@ impl Character {
         self.wanted_offset = *offset;
         for side in 0..2 {
             let other_stands = self.feet[1 - side].stands();
-            self.feet[side].step(&self.planar, &database.frames[self.frame], side, other_stands);
+            let frame = &database.frames[self.frame];
+            self.feet[side].step(&self.planar, source.step, frame, side, other_stands);
         }
         let last = self.posture;
         self.pose_from(database);
