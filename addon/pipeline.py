@@ -130,7 +130,8 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     with _timed(seconds, "library"):
         library, skipped = yield from library_steps(request.library, cache)
     with _timed(seconds, "scene_index"):
-        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings["scene"]))
+        index = core.index_scene(request.positions, request.triangles, settings["scene"], request.task)
+        scene = yield from finish(index)
     with _timed(seconds, "synthesis"), told_in_scene_frames(request.start_frame, request.scene_rate):
         kept = policies.find(scene, library) if policies else None
         synthesis = yield from finish(
@@ -154,7 +155,8 @@ def edit_steps(request: EditRequest) -> Steps[core.EditedMotion]:
     scene, manifold = None, read_manifold(request.manifold)
     settings = merged(core.default_settings(request.preset), request.overrides)
     if request.positions is not None and request.triangles is not None:
-        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings["scene"]))
+        on_floor = {"floor_height": request.floor, **_given(settings["scene"])}
+        scene = yield from finish(core.index_scene(request.positions, request.triangles, on_floor))
     with told_in_scene_frames(request.start_frame, request.scene_rate):
         edited = yield from finish(
             core.edit_motion(
@@ -170,6 +172,11 @@ def edit_steps(request: EditRequest) -> Steps[core.EditedMotion]:
             )
         )
     return edited
+
+
+def _given(settings: core.Settings) -> core.Settings:
+    """The settings that have a value."""
+    return {name: value for name, value in settings.items() if value is not None}
 
 
 def read_manifold(path: str) -> core.Manifold | None:

@@ -186,12 +186,17 @@ class SceneIndex:
         """BLAKE3 of the triangles, hexadecimal: changes when anything in the scene moves."""
     @property
     def floor_height(self) -> float:
-        """World z of the dominant walkable level, metres."""
+        """World z of the level that is walked on, metres: the dominant one, or that of the task's start."""
 
 def index_scene(
-    positions: NDArray[np.float32], triangles: NDArray[np.uint32], settings: Settings | None = None
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.uint32],
+    settings: Settings | None = None,
+    task: Task | None = None,
 ) -> Job[SceneIndex]:
     """Indexes a scene: `positions` (n, 3), world, metres, Z up; `triangles` (m, 3), indices of positions.
+
+    With a task its floor is the level that carries the task's start; without one the level that is the scene's largest.
 
     The arrays are copied before the call returns. InputError for arrays of another dtype or shape and for unknown
     settings at once; for meshes that cannot be indexed from the job.

@@ -40,28 +40,33 @@ impl SceneIndex {
         self.inner.fingerprint()
     }
 
-    /// World z of the dominant walkable level, metres.
+    /// World z of the level that is walked on, metres: the dominant one, or that of the task's start.
     #[getter]
     fn floor_height(&self) -> f32 {
         self.inner.floor_height()
     }
 }
 
-/// Indexes the scene of `positions` float32 (n, 3), world, metres, Z up, and `triangles` uint32 (m, 3).
+/// Indexes the scene of `positions` float32 (n, 3), world, metres, Z up, and `triangles` uint32 (m, 3); with a task, on the
+/// level that carries its start.
 #[pyfunction]
-#[pyo3(signature = (positions, triangles, settings=None))]
+#[pyo3(signature = (positions, triangles, settings=None, task=None))]
 pub fn index_scene(
     positions: &Bound<'_, PyAny>,
     triangles: &Bound<'_, PyAny>,
     settings: Option<&Bound<'_, PyDict>>,
+    task: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Job> {
     let positions = array::<f32, Ix2>("positions", positions, &[None, Some(3)])?;
     let positions: Vec<Vec3> = positions.rows().into_iter().map(|p| Vec3::new(p[0], p[1], p[2])).collect();
     let triangles = array::<u32, Ix2>("triangles", triangles, &[None, Some(3)])?;
     let triangles: Vec<[u32; 3]> = triangles.rows().into_iter().map(|t| [t[0], t[1], t[2]]).collect();
     let settings: SceneSettings = json::from_optional_dict("scene settings", settings)?;
+    let task: Option<Task> = task.map(|task| json::from_dict("task", task)).transpose()?;
     Job::start(
-        move |progress| oncue::scene::SceneIndex::build(&positions, &triangles, &settings, progress),
+        move |progress| {
+            oncue::scene::SceneIndex::build_for(&positions, &triangles, &settings, task.as_ref(), progress)
+        },
         |py, scene| Ok(Py::new(py, SceneIndex { inner: Arc::new(scene) })?.into_any()),
     )
 }
