@@ -1,4 +1,4 @@
-"""The floor is the level under the start, whatever else in the scene is level; and what is said where it is not the cue's."""
+"""The floor is the level under the start, whatever else is level; and what is said where it is not the cue's."""
 
 import math
 
@@ -90,7 +90,9 @@ def test_a_bed_is_sat_on_at_its_edge(oncue, core):
     cues.make_cue(bpy.context, "start", (-2, 0, 0), 0.0)
     sit = cues.make_cue(bpy.context, "sit", (1.5, 0, 0.6), math.radians(-90))
     scene, task = indexed(oncue, core)
-    with pytest.raises(core.InputError, match=r"The nearest edge to sit on is 0\.[78]\d m away: move it to x = ") as said:
+    with pytest.raises(
+        core.InputError, match=r"The nearest edge to sit on is 0\.[78]\d m away: move it to x = "
+    ) as said:
         core.check_task(scene, task)
     # There it can be done.
     words = str(said.value).split()

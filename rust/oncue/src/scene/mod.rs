@@ -36,6 +36,7 @@ mod eikonal;
 mod floor;
 mod levels;
 mod mesh;
+mod moving;
 mod occupancy;
 mod polygon;
 mod raster;
@@ -48,6 +49,7 @@ mod triangle_tree;
 
 pub use check::{check_task, short_of_knee_room};
 pub use clear_path::{ApproachPoint, ClearPath};
+pub use moving::MovingObject;
 pub use occupancy::OccupancyGrid;
 pub use raster::Raster;
 pub use settings::SceneSettings;
