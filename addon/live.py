@@ -82,7 +82,7 @@ def world_steps(request: Request, cache: LibraryCache, policies: PolicyCache, be
         scene = before.scene
     else:
         settings = merged(core.default_settings(request.preset), request.overrides)["scene"]
-        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings))
+        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings, request.task))
     return World(request, library, skipped, scene, policies.find(scene, library), manifold)
 
 
@@ -98,10 +98,16 @@ def play_steps(world: World, request: Request, overrides: core.Settings) -> Step
     return Outcome(synthesis, {"synthesis": time.perf_counter() - began}, world.skipped_files)
 
 
+#: Starts whose heights differ by less stand on one floor, metres.
+SAME_LEVEL = 0.05
+
+
 def _same_scene(a: Request, b: Request) -> bool:
     settings = [(request.preset, request.overrides.get("scene")) for request in (a, b)]
     same = np.array_equal(a.positions, b.positions) and np.array_equal(a.triangles, b.triangles)
-    return same and settings[0] == settings[1]
+    # On other stairs it is another floor that is walked on; a rug is none.
+    heights = [request.task["start"]["position"][2] for request in (a, b)]
+    return same and settings[0] == settings[1] and abs(heights[0] - heights[1]) < SAME_LEVEL
 
 
 class Follower:

@@ -8,7 +8,7 @@ polls the job that it stands at, and the same steps give the same motion for the
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Generic, TypeAlias, TypeVar
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from .errors import SceneError
 from .log import logger
 from .motion import Motion
+from .moving import Mesh, MovingThing, joined, stands
 from .native import core
 from .policy_cache import PolicyCache
 from .scene_frames import CORE_RATE, told_in_scene_frames
@@ -66,6 +67,8 @@ class Request:
     #: The scene's frame at which the motion begins, and the scene's frames a second.
     start_frame: int = 0
     scene_rate: float = CORE_RATE
+    #: What moves in the scene by itself; not among the triangles.
+    moving: tuple[MovingThing, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,12 @@ class Outcome:
     #: Seconds of each step.
     seconds: dict[str, float]
     skipped_files: SkippedFiles = field(default_factory=list)
+    #: How the motion gets past what moves, and the core's frames that the person waits before it begins.
+    passing: core.Passing = field(default_factory=lambda: {"wait": 0, "meetings": []})
+
+    def begins(self, request: Request) -> int:
+        """The scene's frame at which the motion begins."""
+        return request.start_frame + round(self.passing["wait"] * request.scene_rate / CORE_RATE)
 
 
 #: (path, time of the last change in ns, bytes) of each file of a library.
@@ -129,17 +138,78 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     settings = merged(core.default_settings(request.preset), request.overrides)
     with _timed(seconds, "library"):
         library, skipped = yield from library_steps(request.library, cache)
-    with _timed(seconds, "scene_index"):
-        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings["scene"]))
-    with _timed(seconds, "synthesis"), told_in_scene_frames(request.start_frame, request.scene_rate):
-        kept = policies.find(scene, library) if policies else None
-        synthesis = yield from finish(
-            core.synthesize(scene, library, request.task, settings, request.seed, kept, manifold)
-        )
-    # Of use for the next task wherever the cue is met, whatever else there is to say of the motion.
-    if policies and synthesis.report["updates"] and all_met(synthesis.report):
-        policies.keep(scene, library, synthesis.policy)
-    return Outcome(synthesis, seconds, skipped)
+    made: list[tuple[core.Synthesis, core.Passing]] = []
+    refused: Exception | None = None
+    for positions, triangles in _scenes(request):
+        with _timed(seconds, "scene_index"):
+            scene = yield from finish(core.index_scene(positions, triangles, settings["scene"], request.task))
+        try:
+            with _timed(seconds, "synthesis"), told_in_scene_frames(request.start_frame, request.scene_rate):
+                kept = policies.find(scene, library) if policies else None
+                job = core.synthesize(scene, library, request.task, settings, request.seed, kept, manifold)
+                synthesis = yield from finish(job)
+        except SceneError as error:
+            # As things stand otherwise there may be a way.
+            refused = refused or error
+            continue
+        # Of use for the next task wherever the cue is met, whatever else there is to say of the motion.
+        if policies and synthesis.report["updates"] and all_met(synthesis.report):
+            policies.keep(scene, library, synthesis.policy)
+        with _timed(seconds, "moving"):
+            made.append((synthesis, (yield from _passing_steps(request, synthesis))))
+        if synthesis.report["success"] and not made[-1][1]["meetings"]:
+            break
+    if refused is not None and not made:
+        raise _because_it_moves(refused, request)
+    synthesis, passing = min(made, key=_shortfall)
+    return Outcome(synthesis, seconds, skipped, passing)
+
+
+#: A person waits no longer for a way to be free, the core's frames: 20 s.
+MOST_WAIT = 600
+
+
+def _scenes(request: Request) -> Iterator[Mesh]:
+    """The scene to plan in; where things move, in each of the ways in which they may stand."""
+    still = request.positions, request.triangles
+    if not request.moving:
+        yield still
+    else:
+        yield from (joined([still, mesh]) for mesh in stands(request.moving))
+
+
+def _passing_steps(request: Request, synthesis: core.Synthesis) -> Steps[core.Passing]:
+    """How a motion gets past what moves. A hand that holds something on its way keeps its frames: then nobody waits."""
+    if not request.moving:
+        return {"wait": 0, "meetings": []}
+    hands = bool(request.task.get("manipulations"))
+    job = core.pass_moving(
+        np.asarray(synthesis.root_positions),
+        np.asarray(synthesis.rotations),
+        np.asarray(synthesis.contacts),
+        [thing.for_core() for thing in request.moving],
+        request.task["start"]["position"][2],
+        hands,
+        0 if hands else MOST_WAIT,
+    )
+    return (yield from finish(job))
+
+
+def _shortfall(made: tuple[core.Synthesis, core.Passing]) -> tuple[bool, int]:
+    """What a motion lacks: its cue first, then the frames in which it runs into something."""
+    synthesis, passing = made
+    return not all_met(synthesis.report), sum(meeting["frames"] for meeting in passing["meetings"])
+
+
+def _because_it_moves(error: Exception, request: Request) -> Exception:
+    """What the scene was refused for, with what moves in it."""
+    if not request.moving:
+        return error
+    names = ", ".join(f"‘{thing.name}’" for thing in request.moving[:3])
+    more = f" and {len(request.moving) - 3} more" if len(request.moving) > 3 else ""
+    return SceneError(
+        f"{error} What moves ({names}{more}) was taken as it stands at the first frame, and elsewhere too."
+    )
 
 
 def all_met(report: core.Report) -> bool:
@@ -160,7 +230,8 @@ def edit_steps(request: EditRequest) -> Steps[core.EditedMotion]:
     scene, manifold = None, read_manifold(request.manifold)
     settings = merged(core.default_settings(request.preset), request.overrides)
     if request.positions is not None and request.triangles is not None:
-        scene = yield from finish(core.index_scene(request.positions, request.triangles, settings["scene"]))
+        on_floor = {"floor_height": request.floor, **_given(settings["scene"])}
+        scene = yield from finish(core.index_scene(request.positions, request.triangles, on_floor))
     with told_in_scene_frames(request.start_frame, request.scene_rate):
         edited = yield from finish(
             core.edit_motion(
@@ -176,6 +247,11 @@ def edit_steps(request: EditRequest) -> Steps[core.EditedMotion]:
             )
         )
     return edited
+
+
+def _given(settings: core.Settings) -> core.Settings:
+    """The settings that have a value."""
+    return {name: value for name, value in settings.items() if value is not None}
 
 
 def read_manifold(path: str) -> core.Manifold | None:
@@ -275,7 +351,7 @@ def _state_of_files(paths: tuple[str, ...]) -> FileStates:
 
 
 class _timed:
-    """Writes the seconds that its block took."""
+    """Writes the seconds that its block took; those of a block that comes again add up."""
 
     def __init__(self, seconds: dict[str, float], name: str) -> None:
         self._seconds, self._name = seconds, name
@@ -284,7 +360,8 @@ class _timed:
         self._began = time.perf_counter()
 
     def __exit__(self, *_: object) -> None:
-        self._seconds[self._name] = time.perf_counter() - self._began
+        spent = time.perf_counter() - self._began
+        self._seconds[self._name] = self._seconds.get(self._name, 0.0) + spent
 
 
 # --- driving the steps -----------------------------------------------------------------------------------------------

@@ -8,6 +8,8 @@ anew. A file whose scene or library has changed is never found again: both are i
 from __future__ import annotations
 
 import hashlib
+import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +17,8 @@ from . import native
 from .native import core
 
 SUFFIX = ".oncuepolicy"
+#: Half a file older than this is nobody's any more, nanoseconds: a day.
+STALE_NS = 86_400 * 10**9
 
 
 @dataclass(frozen=True)
@@ -23,13 +27,14 @@ class Entry:
 
     path: Path
     bytes: int
-    #: What it was optimized for; None for a file that cannot be read.
+    #: What it was optimized for; None for a file that cannot be read, and then why.
     origin: core.PolicyOrigin | None
+    fault: str = ""
 
     def describe(self) -> str:
         """In a line what it serves."""
         if self.origin is None:
-            return f"{self.path.name}: damaged"
+            return f"{self.path.name}: {self.fault}"
         cues = self.origin["cues"]
         named = ", ".join(dict.fromkeys(cue["name"] for cue in cues[-3:]))
         more = f" and {len(cues) - 3} more" if len(cues) > 3 else ""
@@ -47,19 +52,25 @@ class PolicyCache:
         path = self._path(scene, library)
         try:
             policy = core.Policy.read(path)
-            path.touch()
-        except FileNotFoundError:
+        except core.DamagedFileError:
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
             return None
         except native.expected_errors():
-            path.unlink(missing_ok=True)
             return None
+        # A folder that cannot be written forgets by what was made last, not by what was used last.
+        with suppress(OSError):
+            path.touch()
         return policy if policy.belongs_to(scene, library.checksum) else None
 
     def keep(self, scene: core.SceneIndex, library: core.Library, policy: core.Policy) -> bool:
-        """Keeps it in place of an earlier one; whether it could."""
+        """Keeps it in place of an earlier one; whether it could. That of a newer Oncue stays."""
+        path = self._path(scene, library)
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
-            policy.write(self._path(scene, library))
+            if path.exists() and _is_newer(path):
+                return False
+            policy.write(path)
             self._shrink()
         except OSError:
             return False
@@ -67,40 +78,70 @@ class PolicyCache:
 
     def entries(self) -> list[Entry]:
         """Newest first."""
-        return [Entry(path, path.stat().st_size, _origin(path)) for path in reversed(self._files())]
+        return [Entry(path, size, *_read(path)) for path, _, size in reversed(self._files())]
 
     def clear(self, name: str = "") -> int:
         """Throws the file `name` away, or all; how many there were."""
-        files = [path for path in self._files() if name in ("", path.name)]
-        for path in files:
-            path.unlink(missing_ok=True)
-        return len(files)
+        gone = 0
+        for path, _, _ in self._files():
+            if name in ("", path.name):
+                with suppress(OSError):
+                    path.unlink()
+                    gone += 1
+        return gone
 
     def _path(self, scene: core.SceneIndex, library: core.Library) -> Path:
         name = hashlib.sha256(f"{scene.fingerprint} {library.checksum}".encode()).hexdigest()[:24]
         return self._folder / f"{name}{SUFFIX}"
 
-    def _files(self) -> list[Path]:
-        """Oldest first."""
+    def _files(self, suffix: str = SUFFIX) -> list[tuple[Path, int, int]]:
+        """(file, time of its last use in ns, bytes), oldest first; without what is taken away meanwhile."""
+        found = []
         try:
-            found = [path for path in self._folder.iterdir() if path.suffix == SUFFIX]
+            for path in self._folder.iterdir():
+                with suppress(FileNotFoundError):
+                    state = path.stat()
+                    if path.suffix == suffix and path.is_file():
+                        found.append((path, state.st_mtime_ns, state.st_size))
         except OSError:
             return []
-        return sorted(found, key=lambda path: (path.stat().st_mtime_ns, path.name))
+        return sorted(found, key=lambda file: (file[1], file[0].name))
 
     def _shrink(self) -> None:
         files = self._files()
-        total = sum(path.stat().st_size for path in files)
+        total = sum(size for _, _, size in files)
         # The newest stays, however small the limit.
-        for path in files[:-1]:
+        for path, _, size in files[:-1]:
             if total <= self._limit:
-                return
-            total -= path.stat().st_size
+                break
+            total -= size
             path.unlink(missing_ok=True)
+        # What a Blender left that was killed while it wrote.
+        for path, used, _ in self._files(".part"):
+            if time.time_ns() - used > STALE_NS:
+                path.unlink(missing_ok=True)
 
 
-def _origin(path: Path) -> core.PolicyOrigin | None:
+def _read(path: Path) -> tuple[core.PolicyOrigin | None, str]:
+    """What it was optimized for, or None and what is amiss with it."""
     try:
-        return core.Policy.read(path).origin
+        return core.Policy.read(path).origin, ""
+    except core.DamagedFileError:
+        return None, "damaged"
+    except core.NewerFileError:
+        return None, "made by a newer Oncue"
+    except core.DataFileError:
+        return None, "made by an older Oncue"
     except native.expected_errors():
-        return None
+        return None, "cannot be read"
+
+
+def _is_newer(path: Path) -> bool:
+    """Whether a newer Oncue made it, which will want it again."""
+    try:
+        core.Policy.read(path)
+    except core.NewerFileError:
+        return True
+    except native.expected_errors():
+        return False
+    return False

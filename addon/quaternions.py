@@ -51,6 +51,18 @@ def continuous(rotations: np.ndarray) -> np.ndarray:
     return out
 
 
+def to_matrix(quaternion: np.ndarray) -> np.ndarray:
+    """The rotation matrix (3, 3) of a unit quaternion (4,)."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
 def from_matrix(m: np.ndarray) -> np.ndarray:
     """The quaternion of a rotation matrix (3, 3), with w ≥ 0."""
     k = np.array(

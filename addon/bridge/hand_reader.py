@@ -19,7 +19,7 @@ from ..errors import SceneError
 from ..scene_frames import CORE_RATE
 from .cue_reader import HANDS, visible_cues
 from .names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
-from .scene_time import current_frame_kept, frame_rate
+from .scene_time import current_frame_kept, frame_rate, show
 
 #: Kind of the cue → the hand that follows it.
 HAND = {"left_hand": "left", "right_hand": "right", "both_hands": "both"}
@@ -43,7 +43,7 @@ def read_manipulations(context: bpy.types.Context, start_frame: int, metres_per_
     per_frame = frame_rate(scene) / CORE_RATE
     with current_frame_kept(scene):
         for core_frame in sorted({frame for span in spans.values() for frame in span}):
-            _show(scene, start_frame + core_frame * per_frame)
+            show(scene, start_frame + core_frame * per_frame)
             depsgraph = context.evaluated_depsgraph_get()
             for cue in cues:
                 if core_frame in spans[cue.name]:
@@ -80,8 +80,3 @@ def core_frames(scene: bpy.types.Scene, cue: bpy.types.Object, start_frame: int)
         raise SceneError(f"{cue.name} lasts {(last - first) / rate:.0f} s, more than {LONGEST:.0f}: shorten its range.")
     from_core, to_core = ((frame - start_frame) * CORE_RATE / rate for frame in (first, last))
     return range(math.floor(from_core + 1e-6), math.ceil(to_core - 1e-6) + 1)
-
-
-def _show(scene: bpy.types.Scene, frame: float) -> None:
-    whole = math.floor(frame + 1e-6)
-    scene.frame_set(whole, subframe=min(max(frame - whole, 0.0), 0.999999))

@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import ScaleError, SceneError
 from .cue_reader import ENDS, visible_cues
 from .edit_mode import copies_outside
+from .scene_time import may_move
 from .what_counts import Furniture
 
 #: A scene wider than this is hardly modelled in metres.
@@ -25,6 +26,27 @@ LARGEST_FURNITURE, SHORTEST_WAY = 10.0, 0.5
 FARTHEST = 1e5
 #: Larger meshes are not tried for having no area, triangles; the core leaves out single ones that have none.
 LOOKED_AT_CLOSELY = 100_000
+
+
+@dataclass(frozen=True)
+class Movable:
+    """A mesh of the scene that something may move: its part of the arrays, and what tells its instance from others."""
+
+    name: str
+    key: tuple
+    #: What its corners were taken into the world by.
+    matrix: np.ndarray
+    first_vertex: int
+    end_vertex: int
+    first_triangle: int
+    end_triangle: int
+
+
+def instance_key(thing: bpy.types.Object, instance: bpy.types.DepsgraphObjectInstance) -> tuple:
+    """Tells an instance of an object from others, at every frame alike."""
+    if not instance.is_instance:
+        return (thing.session_uid,)
+    return thing.session_uid, instance.parent.original.session_uid, tuple(instance.persistent_id)
 
 
 @dataclass
@@ -41,6 +63,15 @@ class SceneMeshes:
     sizes: list[float] = field(default_factory=list)
     #: (object, reason) of each mesh that could not be used.
     skipped: list[tuple[str, str]] = field(default_factory=list)
+    #: What may move by itself, each as it stands now and part of the triangles too.
+    movable: list[Movable] = field(default_factory=list)
+
+    def without(self, moving: list[Movable]) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and triangles of all but these."""
+        keep = np.ones(len(self.triangles), dtype=bool)
+        for thing in moving:
+            keep[thing.first_triangle : thing.end_triangle] = False
+        return self.positions, self.triangles[keep]
 
 
 def read_scene(
@@ -71,8 +102,9 @@ def _read_meshes(
     """`copies`: what is read in place of an object, and counts as the object does."""
     replaced = set(copies.values())
     depsgraph = context.evaluated_depsgraph_get()
-    positions, triangles, sizes, skipped = [], [], [], []
-    vertex_count, object_count = 0, 0
+    positions, triangles, sizes, skipped, movable = [], [], [], [], []
+    vertex_count, triangle_count, object_count = 0, 0, 0
+    may_be_moved: dict[bpy.types.Object, bool] = {}
     meshes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     for instance in depsgraph.object_instances:
@@ -105,7 +137,14 @@ def _read_meshes(
             corners = corners[:, ::-1]
         positions.append(world)
         triangles.append(corners + np.uint32(vertex_count))
+        for owner in owners:
+            if owner not in may_be_moved:
+                may_be_moved[owner] = may_move(owner)
+        if any(may_be_moved[owner] for owner in owners):
+            part = (vertex_count, vertex_count + len(world), triangle_count, triangle_count + len(corners))
+            movable.append(Movable(owners[-1].name, instance_key(owners[0], instance), matrix, *part))
         vertex_count += len(world)
+        triangle_count += len(corners)
         sizes.append(float(np.ptp(world, axis=0).max()))
         object_count += 1
 
@@ -115,7 +154,8 @@ def _read_meshes(
             "The scene has no visible mesh to walk on or sit on. "
             "Add a floor and furniture, or show what is hidden or excluded." + broken
         )
-    return SceneMeshes(np.concatenate(positions), np.concatenate(triangles), object_count, sizes, skipped)
+    joined = np.concatenate(positions), np.concatenate(triangles)
+    return SceneMeshes(*joined, object_count, sizes, skipped, movable)
 
 
 def _fault(world: np.ndarray, corners: np.ndarray) -> str | None:

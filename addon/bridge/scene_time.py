@@ -18,6 +18,12 @@ LOOKED_AT = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 STANDS_STILL = 1e-4
 
 
+def show(scene: bpy.types.Scene, frame: float) -> None:
+    """Goes to a frame that may lie between two."""
+    whole = math.floor(frame + 1e-6)
+    scene.frame_set(whole, subframe=min(max(frame - whole, 0.0), 0.999999))
+
+
 def frame_rate(scene: bpy.types.Scene) -> float:
     return scene.render.fps / scene.render.fps_base
 

@@ -17,6 +17,7 @@ import numpy as np
 from .. import native
 from ..errors import SceneError
 from ..motion import Motion
+from ..moving import meeting_sentences
 from ..pipeline import EditRequest, LibraryChoice, Outcome, Request
 from ..scene_frames import in_scene_frames
 from . import armature, character_reset, compat, file_state, pins
@@ -24,6 +25,7 @@ from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
 from .cue_reader import ENDS, FEET, at_first_frame, read_task, visible_cues
 from .hand_reader import read_manipulations
+from .moving_reader import read_moving
 from .names import CHARACTER_KEY, REPORT_KEY
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
@@ -64,7 +66,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     settings, skeleton = context.scene.oncue, native.core.skeleton()
     character = armature.character_of(context.scene, skeleton)
     file_state.check(context, character, skeleton)
-    task, notes, manipulations = read_task(context, settings.scene_scale), [], []
+    task, notes, manipulations, moving = read_task(context, settings.scene_scale), [], [], ()
     library = library_choice(context.scene)
     meshes = read_scene(
         context,
@@ -72,17 +74,20 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         metres_per_unit=settings.scene_scale,
         scale_confirmed=settings.scale_confirmed,
     )
+    positions, triangles = meshes.positions, meshes.triangles
     # What goes through the frames comes last: what was moved and not keyed is back at its keys afterwards.
     if hands:
         file_state.check_over_time(context, character)
         task, notes = at_first_frame(context, task, settings.start_frame, settings.scene_scale)
         manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale)
+        positions, triangles, moving, said = read_moving(context, meshes, settings.start_frame, settings.scene_scale)
+        notes = [*notes, *said]
     if manipulations:
         task["manipulations"] = manipulations
     overrides = read_overrides(settings.overrides)
     request = Request(
-        meshes.positions,
-        meshes.triangles,
+        positions,
+        triangles,
         task,
         library,
         settings.preset,
@@ -91,6 +96,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         manifold_path(context.scene),
         settings.start_frame,
         frame_rate(context.scene),
+        moving,
     )
     return request, [*meshes.skipped, *notes]
 
@@ -222,7 +228,9 @@ def write_outcome(
     # The artist may have changed it since the run began.
     file_state.check(context, character, skeleton)
     motion = Motion(np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate))
-    placed = {"start_frame": request.start_frame, "metres_per_unit": settings.scene_scale}
+    # Who waits at the start stands there as the motion begins.
+    begins = outcome.begins(request)
+    placed = {"start_frame": begins, "metres_per_unit": settings.scene_scale}
     with all_or_nothing(context):
         if character is None:
             character = armature.make_character(context, skeleton, settings.scene_scale)
@@ -245,11 +253,13 @@ def write_outcome(
 
 def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) -> dict:
     """The core's report with what only Blender's side knows."""
-    report = outcome.synthesis.report
-    told = [in_scene_frames(problem, request.start_frame, request.scene_rate) for problem in report["problems"]]
+    report, begins = outcome.synthesis.report, outcome.begins(request)
+    told = [in_scene_frames(problem, begins, request.scene_rate) for problem in report["problems"]]
+    meetings = meeting_sentences(outcome.passing["meetings"], begins, request.scene_rate)
     return {
         **report,
-        "problems": told,
+        "success": report["success"] and not meetings,
+        "problems": [*meetings, *told],
         "task": request.task,
         "extension": {
             "blender_version": compat.BLENDER_VERSION,
@@ -257,7 +267,9 @@ def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str
             "overrides": request.overrides,
             "manifold": request.manifold,
             "library": {"paths": list(request.library.paths), "starter": request.library.starter},
-            "scene_triangles": len(request.triangles),
+            "scene_triangles": len(request.triangles) + sum(len(thing.triangles) for thing in request.moving),
+            "begins": begins,
+            "moving": {"objects": [thing.name for thing in request.moving], **outcome.passing},
             "skipped_objects": [{"object": name, "reason": reason} for name, reason in skipped],
             "skipped_files": [{"file": str(file), "reason": reason} for file, reason in outcome.skipped_files],
             "seconds": outcome.seconds,

@@ -405,17 +405,17 @@ def test_overrides_that_cannot_be_are_named(stool, overrides, words):
 
 @pytest.mark.parametrize("how", ["synthesize", "follow"])
 def test_the_scenes_own_settings_reach_its_index(stool, oncue, core, how):
-    """The floor that the artist names is the floor: a larger level lies below."""
+    """The floor that the artist names is the floor, whatever lies under the start."""
     add_cube("Below", location=(0, 0, -3.05), scale=(30, 30, 0.1))
     session, pipeline, live = oncue("bridge.session"), oncue("pipeline"), oncue("live")
-    for settings, expected in (({}, -3.0), ({"scene": {"floor_height": 0.0}}, 0.0)):
+    for settings, expected in (({}, 0.0), ({"scene": {"floor_height": -3.0}}, -3.0)):
         stool.scene.oncue.overrides = json.dumps({**QUICK, **settings})
         if how == "follow":
             request, _ = session.read_request(stool)
             no_policies = types.SimpleNamespace(find=lambda *_: None)
             steps = live.world_steps(request, oncue("operators.synthesize").library_cache, no_policies, None)
             assert pipeline.run_blocking(steps).scene.floor_height == pytest.approx(expected, abs=1e-3)
-        elif settings:
+        elif not settings:
             assert bpy.ops.oncue.synthesize() == {"FINISHED"}
         else:
             with pytest.raises(RuntimeError, match="over the scene's walkable floor"):

@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import os
+import struct
 import sys
 from pathlib import Path
 
@@ -120,3 +121,72 @@ def test_a_folder_that_cannot_be_written_keeps_nothing(cache_class, bench_scene,
     assert cache.clear() == 0
     with pytest.raises(OSError, match="file"):
         optimized[0].write(tmp_path / "file" / "x.oncuepolicy")
+
+
+def test_only_what_is_damaged_is_deleted(cache_class, bench_scene, starter, optimized, tmp_path):
+    policy, _ = optimized
+    cache = cache_class(tmp_path / "policies", 10_000_000)
+    assert cache.keep(bench_scene, starter, policy)
+    path = cache._path(bench_scene, starter)
+    whole = path.read_bytes()
+    version = struct.unpack_from("<I", whole, 8)[0]
+    for made_by, word, stays in ((version + 1, "newer", True), (0, "older", False)):
+        path.write_bytes(whole[:8] + struct.pack("<I", made_by) + whole[12:])
+        with pytest.raises(DataFileError, match=f"made by an? {word} Oncue"):
+            Policy.read(path)
+        (entry,) = cache.entries()
+        assert entry.describe().endswith(f"made by a{'n' if word == 'older' else ''} {word} Oncue")
+        assert cache.find(bench_scene, starter) is None
+        assert path.exists()
+        # A newer Oncue will want it again; an older one's place is taken.
+        assert cache.keep(bench_scene, starter, policy) is not stays
+        assert (path.read_bytes() == whole) is not stays
+    # What is no file of ours is looked at and left, and so is a folder in its place.
+    path.unlink()
+    path.mkdir()
+    assert cache.find(bench_scene, starter) is None
+    assert not cache.keep(bench_scene, starter, policy)
+    assert cache.entries() == []
+    assert path.is_dir()
+
+
+def test_a_cache_that_cannot_be_written_is_played_from(
+    cache_class, bench_scene, starter, optimized, tmp_path, monkeypatch
+):
+    cache = cache_class(tmp_path, 10_000_000)
+    assert cache.keep(bench_scene, starter, optimized[0])
+    refused = PermissionError(30, "Read-only file system")
+
+    def refuse(*_arguments, **_named):
+        raise refused
+
+    monkeypatch.setattr(Path, "touch", refuse)
+    monkeypatch.setattr(Path, "unlink", refuse)
+    assert cache.find(bench_scene, starter) is not None
+    cache._path(bench_scene, starter).write_bytes(b"no policy")
+    assert cache.find(bench_scene, starter) is None
+    assert cache.clear() == 0
+
+
+def test_halves_that_were_left_are_cleared_and_gone_files_are_no_harm(
+    cache_class, bench_scene, starter, optimized, tmp_path, monkeypatch
+):
+    old, new = tmp_path / "a.oncuepolicy.1-0.part", tmp_path / "b.oncuepolicy.2-0.part"
+    for part in (old, new):
+        part.write_bytes(b"half")
+    os.utime(old, (1, 1))
+    cache = cache_class(tmp_path, 10_000_000)
+    assert cache.keep(bench_scene, starter, optimized[0])
+    assert not old.exists()
+    assert new.exists()
+    # Another Blender takes a file away between the listing and the look at it.
+    real = Path.stat
+
+    def vanishing(self, **named):
+        if self.suffix == ".oncuepolicy":
+            raise FileNotFoundError(2, "gone", str(self))
+        return real(self, **named)
+
+    monkeypatch.setattr(Path, "stat", vanishing)
+    assert cache.entries() == []
+    assert cache.clear() == 0

@@ -5,7 +5,7 @@ import oncue_core
 import pytest
 from oncue_core import InputError
 
-from .geometry import box, room_with_a_bench
+from .geometry import box, joined, room_with_a_bench, sit_on_the_bench
 
 
 def test_a_room_is_indexed():
@@ -124,3 +124,19 @@ def test_a_missing_part_is_named(bench_scene, bench_task):
     del bench_task["cue"]
     with pytest.raises(InputError, match="cue"):
         oncue_core.check_task(bench_scene, bench_task)
+
+
+def test_a_task_is_indexed_on_the_level_that_carries_its_start():
+    bench, garden = room_with_a_bench(), box((-9, -9, -1), (9, 9, -0.5))
+    positions, triangles = joined(bench, garden)
+    task = sit_on_the_bench()
+    without = oncue_core.index_scene(positions, triangles).result()
+    assert without.floor_height == pytest.approx(-0.5)
+    with pytest.raises(InputError, match=r"stands 0\.50 m over the scene's walkable floor"):
+        oncue_core.check_task(without, task)
+    scene = oncue_core.index_scene(positions, triangles, None, task).result()
+    assert scene.floor_height == pytest.approx(0.0)
+    assert scene.fingerprint != without.fingerprint
+    oncue_core.check_task(scene, task)
+    with pytest.raises(InputError, match="task"):
+        oncue_core.index_scene(positions, triangles, None, {"start": 3})

@@ -20,6 +20,7 @@ from .types import (
     ManifoldFigures,
     ManipulationCue,
     MotionFigures,
+    Passing,
     Point,
     PolicyOrigin,
     ProgressSnapshot,
@@ -36,6 +37,7 @@ __all__ = [
     "Job",
     "Library",
     "Manifold",
+    "MovingObject",
     "Policy",
     "SceneIndex",
     "Synthesis",
@@ -49,6 +51,7 @@ __all__ = [
     "index_scene",
     "motion_figures",
     "optimize_policy",
+    "pass_moving",
     "plain_ik",
     "practice_room",
     "presets",
@@ -186,15 +189,54 @@ class SceneIndex:
         """BLAKE3 of the triangles, hexadecimal: changes when anything in the scene moves."""
     @property
     def floor_height(self) -> float:
-        """World z of the dominant walkable level, metres."""
+        """World z of the level that is walked on, metres: the dominant one, or that of the task's start."""
 
 def index_scene(
-    positions: NDArray[np.float32], triangles: NDArray[np.uint32], settings: Settings | None = None
+    positions: NDArray[np.float32],
+    triangles: NDArray[np.uint32],
+    settings: Settings | None = None,
+    task: Task | None = None,
 ) -> Job[SceneIndex]:
     """Indexes a scene: `positions` (n, 3), world, metres, Z up; `triangles` (m, 3), indices of positions.
 
+    With a task its floor is the level that carries the task's start; without one the level that is the scene's largest.
+
     The arrays are copied before the call returns. InputError for arrays of another dtype or shape and for unknown
     settings at once; for meshes that cannot be indexed from the job.
+    """
+
+@final
+class MovingObject:
+    """A rigid mesh that moves in the scene by itself. Immutable."""
+
+    def __new__(
+        cls,
+        name: str,
+        positions: NDArray[np.float32],
+        triangles: NDArray[np.uint32],
+        translations: NDArray[np.float32],
+        rotations: NDArray[np.float32],
+    ) -> MovingObject:
+        """`positions` (n, 3), world, metres, and `triangles` (m, 3) as it was read; for each frame (30 Hz) the
+        `translations` (frames, 3) and `rotations` (frames, 4), w first, that take it to where it stands then. After the
+        last it stands still. InputError for arrays of another dtype or shape."""
+    @property
+    def name(self) -> str:
+        """The name that messages have."""
+
+def pass_moving(
+    root_positions: NDArray[np.float32],
+    rotations: NDArray[np.float32],
+    contacts: NDArray[np.float32],
+    objects: Sequence[MovingObject],
+    floor: float,
+    arms_may_touch: bool = False,
+    most_wait: int = 0,
+) -> Job[Passing]:
+    """How a motion gets past what moves, each frame against where everything stands on it.
+
+    `most_wait`: frames that the person may stand at the start until the way is free. InputError from the job for an
+    object whose mesh or poses are none.
     """
 
 def check_task(scene: SceneIndex, task: Task) -> None:

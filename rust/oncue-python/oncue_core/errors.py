@@ -16,5 +16,13 @@ class DataFileError(OncueError):
     """A motion capture or Oncue file that is damaged, too new or of another kind."""
 
 
+class DamagedFileError(DataFileError):
+    """A file that no Oncue can read: damaged, cut off or of another kind. One of a newer or an older Oncue is none."""
+
+
+class NewerFileError(DataFileError):
+    """A file that a newer Oncue made."""
+
+
 class Cancelled(OncueError):
     """The job was cancelled."""

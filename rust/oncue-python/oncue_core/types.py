@@ -448,6 +448,24 @@ class PenetrationFigures(TypedDict):
     parts_percent: dict[Literal["leg", "arm", "foot", "torso", "head"], float]
 
 
+class Meeting(TypedDict):
+    """A moving object that the body runs into: on `frames` of the frames `first` to before `end`."""
+
+    object: str
+    part: str
+    first: int
+    end: int
+    frames: int
+    depth_cm: float
+
+
+class Passing(TypedDict):
+    """How a motion gets past what moves: after how many frames of waiting, and what it runs into."""
+
+    wait: int
+    meetings: list[Meeting]
+
+
 class SpeedFigures(TypedDict):
     """How fast joints turn and how hard they are accelerated, beside the library; walking speed, m/s."""
 

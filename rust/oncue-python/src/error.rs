@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use oncue::Error;
+use oncue::error::FileFault;
 use oncue::job::Failure;
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
@@ -10,6 +11,8 @@ use pyo3::prelude::*;
 pyo3::import_exception!(oncue_core.errors, OncueError);
 pyo3::import_exception!(oncue_core.errors, InputError);
 pyo3::import_exception!(oncue_core.errors, DataFileError);
+pyo3::import_exception!(oncue_core.errors, DamagedFileError);
+pyo3::import_exception!(oncue_core.errors, NewerFileError);
 pyo3::import_exception!(oncue_core.errors, Cancelled);
 
 /// The Python exception of a failed job.
@@ -18,6 +21,10 @@ pub fn to_python(failure: Failure) -> PyErr {
         Failure::Panic(_) => PyRuntimeError::new_err(failure.to_string()),
         Failure::Error(error) => match &error {
             Error::Input(_) | Error::Unreachable(_) => InputError::new_err(error.to_string()),
+            Error::DataFile { fault: FileFault::Damaged | FileFault::Foreign, .. } => {
+                DamagedFileError::new_err(error.to_string())
+            }
+            Error::DataFile { fault: FileFault::Newer, .. } => NewerFileError::new_err(error.to_string()),
             Error::MocapFile { .. } | Error::DataFile { .. } => DataFileError::new_err(error.to_string()),
             Error::Io { file, source } => os_error(file, source),
             Error::Cancelled => Cancelled::new_err(error.to_string()),

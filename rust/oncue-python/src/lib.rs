@@ -28,6 +28,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<library::Library>()?;
     module.add_class::<manifold::Manifold>()?;
     module.add_class::<policy::Policy>()?;
+    module.add_class::<scene::MovingObject>()?;
     module.add_class::<scene::SceneIndex>()?;
     module.add_class::<synthesis::Synthesis>()?;
     module.add_function(wrap_pyfunction!(skeleton::skeleton, module)?)?;
@@ -40,6 +41,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(manifold::train_manifold, module)?)?;
     module.add_function(wrap_pyfunction!(scene::index_scene, module)?)?;
     module.add_function(wrap_pyfunction!(scene::check_task, module)?)?;
+    module.add_function(wrap_pyfunction!(scene::pass_moving, module)?)?;
     module.add_function(wrap_pyfunction!(policy::optimize_policy, module)?)?;
     module.add_function(wrap_pyfunction!(policy::robustness, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::synthesize, module)?)?;

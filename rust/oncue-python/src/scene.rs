@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{Quat, Vec3};
 use ndarray::Ix2;
 use oncue::Task;
+use oncue::passing::{self, PassingOptions};
 use oncue::scene::{SceneSettings, check_task as check};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -12,6 +13,7 @@ use pyo3::types::PyDict;
 use crate::arrays::array;
 use crate::job::{self, Job};
 use crate::json;
+use crate::motion::from_arrays;
 
 /// A scene's triangles, indexed for collision and for finding ways. Immutable.
 #[pyclass(frozen, module = "oncue_core")]
@@ -40,28 +42,31 @@ impl SceneIndex {
         self.inner.fingerprint()
     }
 
-    /// World z of the dominant walkable level, metres.
+    /// World z of the level that is walked on, metres: the dominant one, or that of the task's start.
     #[getter]
     fn floor_height(&self) -> f32 {
         self.inner.floor_height()
     }
 }
 
-/// Indexes the scene of `positions` float32 (n, 3), world, metres, Z up, and `triangles` uint32 (m, 3).
+/// Indexes the scene of `positions` float32 (n, 3), world, metres, Z up, and `triangles` uint32 (m, 3); with a task, on the
+/// level that carries its start.
 #[pyfunction]
-#[pyo3(signature = (positions, triangles, settings=None))]
+#[pyo3(signature = (positions, triangles, settings=None, task=None))]
 pub fn index_scene(
     positions: &Bound<'_, PyAny>,
     triangles: &Bound<'_, PyAny>,
     settings: Option<&Bound<'_, PyDict>>,
+    task: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Job> {
-    let positions = array::<f32, Ix2>("positions", positions, &[None, Some(3)])?;
-    let positions: Vec<Vec3> = positions.rows().into_iter().map(|p| Vec3::new(p[0], p[1], p[2])).collect();
-    let triangles = array::<u32, Ix2>("triangles", triangles, &[None, Some(3)])?;
-    let triangles: Vec<[u32; 3]> = triangles.rows().into_iter().map(|t| [t[0], t[1], t[2]]).collect();
+    let positions = places("positions", positions)?;
+    let triangles = corners(triangles)?;
     let settings: SceneSettings = json::from_optional_dict("scene settings", settings)?;
+    let task: Option<Task> = task.map(|task| json::from_dict("task", task)).transpose()?;
     Job::start(
-        move |progress| oncue::scene::SceneIndex::build(&positions, &triangles, &settings, progress),
+        move |progress| {
+            oncue::scene::SceneIndex::build_for(&positions, &triangles, &settings, task.as_ref(), progress)
+        },
         |py, scene| Ok(Py::new(py, SceneIndex { inner: Arc::new(scene) })?.into_any()),
     )
 }
@@ -72,4 +77,86 @@ pub fn index_scene(
 pub fn check_task(py: Python<'_>, scene: &SceneIndex, task: &Bound<'_, PyDict>) -> PyResult<()> {
     let task: Task = json::from_dict("task", task)?;
     job::run(py, || check(&scene.inner, &task))
+}
+
+fn places(name: &str, points: &Bound<'_, PyAny>) -> PyResult<Vec<Vec3>> {
+    let points = array::<f32, Ix2>(name, points, &[None, Some(3)])?;
+    Ok(points.rows().into_iter().map(|p| Vec3::new(p[0], p[1], p[2])).collect())
+}
+
+fn corners(triangles: &Bound<'_, PyAny>) -> PyResult<Vec<[u32; 3]>> {
+    let triangles = array::<u32, Ix2>("triangles", triangles, &[None, Some(3)])?;
+    Ok(triangles.rows().into_iter().map(|t| [t[0], t[1], t[2]]).collect())
+}
+
+/// A rigid mesh that moves in the scene by itself. Immutable.
+#[pyclass(frozen, module = "oncue_core")]
+pub struct MovingObject {
+    name: String,
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+    poses: Vec<(Vec3, Quat)>,
+}
+
+#[pymethods]
+impl MovingObject {
+    /// `positions` float32 (n, 3), world, metres, and `triangles` uint32 (m, 3) as it was read; for each frame (30 Hz) the
+    /// `translations` float32 (frames, 3) and `rotations` float32 (frames, 4), w first, that take it to where it stands then.
+    #[new]
+    fn new(
+        name: String,
+        positions: &Bound<'_, PyAny>,
+        triangles: &Bound<'_, PyAny>,
+        translations: &Bound<'_, PyAny>,
+        rotations: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let translations = places("translations", translations)?;
+        let rotations = array::<f32, Ix2>("rotations", rotations, &[Some(translations.len()), Some(4)])?;
+        let turns = rotations.rows().into_iter().map(|q| Quat::from_xyzw(q[1], q[2], q[3], q[0]));
+        let poses = translations.into_iter().zip(turns).collect();
+        Ok(Self { name, positions: places("positions", positions)?, triangles: corners(triangles)?, poses })
+    }
+
+    /// The name that messages have.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+/// How a motion gets past what moves, each frame against where everything stands on it; with the frames that the person waits
+/// at the start to do so.
+#[pyfunction]
+#[pyo3(signature = (root_positions, rotations, contacts, objects, floor, arms_may_touch=false, most_wait=0))]
+pub fn pass_moving(
+    root_positions: &Bound<'_, PyAny>,
+    rotations: &Bound<'_, PyAny>,
+    contacts: &Bound<'_, PyAny>,
+    objects: Vec<Py<MovingObject>>,
+    floor: f32,
+    arms_may_touch: bool,
+    most_wait: usize,
+) -> PyResult<Job> {
+    let motion = from_arrays(root_positions, rotations, contacts)?;
+    let options = PassingOptions { floor, arms_may_touch, most_wait };
+    Job::start(
+        move |progress| {
+            progress.stage("Looking at what moves");
+            let built: oncue::Result<Vec<_>> = objects
+                .iter()
+                .map(|object| {
+                    let object = object.get();
+                    oncue::scene::MovingObject::build(
+                        &object.name,
+                        &object.positions,
+                        &object.triangles,
+                        &object.poses,
+                        progress,
+                    )
+                })
+                .collect();
+            passing::pass_moving(&motion, &built?, &options, progress)
+        },
+        |py, passing| Ok(json::to_python(py, &passing)?.unbind()),
+    )
 }

@@ -4,6 +4,21 @@
 
 use std::path::PathBuf;
 
+/// What is amiss with a file that Oncue may have made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FileFault {
+    /// It is of another kind.
+    Foreign,
+    /// A newer Oncue made it.
+    Newer,
+    /// An Oncue made it that is older than any whose files are read.
+    Older,
+    /// Its content is not what was written.
+    Damaged,
+    /// It is whole, and was made for something else than it is asked for.
+    Unfit,
+}
+
 /// Everything that can go wrong in the core.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -27,6 +42,8 @@ pub enum Error {
     DataFile {
         /// The file.
         file: PathBuf,
+        /// What is amiss, for whoever decides by it.
+        fault: FileFault,
         /// A sentence without the file's name.
         reason: String,
     },

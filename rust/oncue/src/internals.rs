@@ -26,6 +26,11 @@ pub mod joint_names {
     pub use crate::library::joint_names::recognize;
 }
 
+/// Checkpoints of trainings.
+pub mod checkpoint {
+    pub use crate::manifold::checkpoint::decodes;
+}
+
 /// Files of captures.
 pub mod mocap_file {
     pub use crate::library::mocap_file::read;

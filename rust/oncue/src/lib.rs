@@ -69,6 +69,7 @@ pub mod math;
 pub mod metrics;
 pub mod motion;
 mod nn;
+pub mod passing;
 mod practice;
 pub mod progress;
 mod range;

@@ -9,12 +9,13 @@ use serde::{Deserialize, Serialize};
 use super::policy::{Normalizer, Policy, TYPE_COUNT};
 use crate::cue::{ActionCue, Task};
 use crate::data_file::{FileKind, write_whole};
-use crate::error::{Error, Result};
+use crate::error::{Error, FileFault, Result};
 use crate::nn::Mlp;
 use crate::settings::{Settings, SignalSettings, StateSettings};
 
 const FILE: FileKind = FileKind {
     magic: b"ONCUEPOL",
+    oldest: 1,
     version: 1,
     name: "policy",
     remedy: "delete it, and Oncue optimizes a new one",
@@ -159,8 +160,10 @@ impl StoredPolicy {
     /// # Errors
     /// `DataFile` where the bytes are foreign, too new, cut off or damaged.
     pub fn from_bytes(bytes: &[u8], file: &Path) -> Result<Self> {
-        let payload = FILE.unpack(bytes, file)?;
-        let stored: PolicyFile = postcard::from_bytes(payload).map_err(|_| FILE.damaged(file))?;
+        let stored: PolicyFile = match FILE.unpack(bytes, file)? {
+            (1, payload) => postcard::from_bytes(payload).map_err(|_| FILE.damaged(file))?,
+            _ => return Err(FILE.damaged(file)),
+        };
         let kept = Self {
             policy: Policy {
                 policy: stored.policy.net(),
@@ -181,6 +184,7 @@ impl StoredPolicy {
             let (theirs, outputs) = kept.policy.sizes();
             return Err(Error::DataFile {
                 file: file.into(),
+                fault: FileFault::Unfit,
                 reason: format!(
                     "it was made for other states or actions ({theirs} numbers in and {outputs} out, where this Oncue has {state} and \
                      {}); {}.",
@@ -218,6 +222,20 @@ mod tests {
         let mut policy = Policy::new(size, &settings, &mut Pcg64::seed_from_u64(1));
         policy.normalizer.update(&vec![0.5; size]);
         StoredPolicy::new(policy, &settings, PolicyOrigin { scene: "a".into(), ..PolicyOrigin::default() })
+    }
+
+    #[test]
+    fn each_version_is_read() {
+        let mut now = kept();
+        let size = super::super::state::state_size(&now.state);
+        let outputs = TYPE_COUNT + now.signal.vector_size();
+        now.policy.policy = Mlp::new(&[size, 2, outputs], 0.01, &mut Pcg64::seed_from_u64(2));
+        now.policy.value = Mlp::new(&[size, 2, 1], 1.0, &mut Pcg64::seed_from_u64(3));
+        let first = crate::data_file::golden("policy-1.oncuepolicy", &now.to_bytes());
+        let read = StoredPolicy::from_bytes(&first, Path::new("x")).expect("read");
+        // In half precision, as it was written.
+        assert_eq!(read, StoredPolicy::from_bytes(&now.to_bytes(), Path::new("x")).expect("read"));
+        assert_eq!(read.origin, now.origin);
     }
 
     #[test]

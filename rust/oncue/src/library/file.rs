@@ -14,8 +14,13 @@ use crate::action::ActionLabel;
 use crate::data_file::{FileKind, write_whole};
 use crate::error::{Error, Result};
 
-const FILE: FileKind =
-    FileKind { magic: b"ONCUELIB", version: 1, name: "motion library", remedy: "build the library again" };
+const FILE: FileKind = FileKind {
+    magic: b"ONCUELIB",
+    oldest: 1,
+    version: 1,
+    name: "motion library",
+    remedy: "build the library again",
+};
 
 #[derive(Serialize)]
 enum StoredRef<'a> {
@@ -95,9 +100,11 @@ impl MotionLibrary {
     /// # Errors
     /// [`Error::DataFile`] where the bytes are foreign, too new, cut off or damaged.
     pub fn from_bytes(bytes: &[u8], file: &Path) -> Result<Self> {
-        let payload = FILE.unpack(bytes, file)?;
         let damaged = || FILE.damaged(file);
-        let stored: Vec<Stored> = postcard::from_bytes(payload).map_err(|_| damaged())?;
+        let stored: Vec<Stored> = match FILE.unpack(bytes, file)? {
+            (1, payload) => postcard::from_bytes(payload).map_err(|_| damaged())?,
+            _ => return Err(damaged()),
+        };
         let mut clips: Vec<Clip> = Vec::with_capacity(stored.len());
         for stored in stored {
             let clip = match (stored, clips.last()) {
@@ -182,6 +189,7 @@ fn is_sound(clip: &Clip) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::data_file::golden;
     use crate::library::Segment;
     use crate::motion::{Motion, Posture};
     use glam::Quat;
@@ -200,6 +208,13 @@ mod tests {
         let clip = Clip { name: "a walk".into(), source: Source::Mocap, mirrored: false, motion, segments };
         let mirror = clip.mirror();
         MotionLibrary { clips: vec![clip, mirror] }
+    }
+
+    #[test]
+    fn each_version_is_read() {
+        let now = library();
+        let first = golden("library-1.oncue", &now.to_bytes());
+        assert_eq!(MotionLibrary::from_bytes(&first, Path::new("x")).expect("read"), now);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::report::TrainingReport;
 use super::window::{FEATURES, WINDOW};
 use crate::data_file::{FileKind, write_whole};
-use crate::error::{Error, Result};
+use crate::error::{Error, FileFault, Result};
 use crate::motion::skeleton::{JOINT_OFFSET, NAMES, PARENT};
 use crate::nn::conv1d::{Direction, Shape};
 use crate::nn::{Conv1d, ConvStack, ConvWorkspace};
@@ -27,6 +27,7 @@ pub(crate) const LATENT_FRAMES: usize = WINDOW >> LAYERS;
 
 const FILE: FileKind = FileKind {
     magic: b"ONCUEMAN",
+    oldest: 1,
     version: 1,
     name: "motion manifold",
     remedy: "train the manifold again, or use the one that ships with Oncue",
@@ -208,12 +209,15 @@ impl Manifold {
     /// # Errors
     /// [`Error::DataFile`] where the bytes are foreign, too new, damaged, or of another skeleton.
     pub fn from_bytes(bytes: &[u8], file: &Path) -> Result<Self> {
-        let payload = FILE.unpack(bytes, file)?;
         let damaged = || FILE.damaged(file);
-        let (stored, weights) = postcard::take_from_bytes::<Stored>(payload).map_err(|_| damaged())?;
+        let (stored, weights) = match FILE.unpack(bytes, file)? {
+            (1, payload) => postcard::take_from_bytes::<Stored>(payload).map_err(|_| damaged())?,
+            _ => return Err(damaged()),
+        };
         if stored.skeleton != skeleton_fingerprint() {
             return Err(Error::DataFile {
                 file: file.into(),
+                fault: FileFault::Unfit,
                 reason: "it was trained for another skeleton; train a manifold with this Oncue.".into(),
             });
         }
@@ -385,6 +389,15 @@ mod tests {
             let analytic = f64::from(d_z[i]);
             assert!((numeric - analytic).abs() < 2e-2 * (1.0 + analytic.abs()), "{i}: {numeric} {analytic}");
         }
+    }
+
+    #[test]
+    fn each_version_is_read() {
+        let mut now = Manifold::random(1, 7);
+        now.round();
+        now.report.settings.origin = "From nothing.".into();
+        let first = crate::data_file::golden("manifold-1.oncueman", &now.to_bytes());
+        assert_eq!(Manifold::from_bytes(&first, Path::new("x")).expect("read"), now);
     }
 
     #[test]

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::autoencoder::Manifold;
 use super::report::TrainingReport;
 use crate::data_file::{FileKind, write_whole};
-use crate::error::{Error, Result};
+use crate::error::{Error, FileFault, Result};
 use crate::nn::Adam;
 
 /// All that changes while a manifold is trained.
@@ -24,6 +24,7 @@ pub(super) struct TrainingState {
 
 const FILE: FileKind = FileKind {
     magic: b"ONCUECKP",
+    oldest: 1,
     version: 1,
     name: "checkpoint of a manifold's training",
     remedy: "remove it to begin the training again",
@@ -43,12 +44,12 @@ pub(super) fn write(path: &Path, state: &TrainingState) -> Result<()> {
 /// [`Error::DataFile`] where the file is damaged or of another training, [`Error::Io`].
 pub(super) fn read(path: &Path, report: &TrainingReport) -> Result<TrainingState> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, e))?;
-    let state: TrainingState =
-        postcard::from_bytes(FILE.unpack(&bytes, path)?).map_err(|_| FILE.damaged(path))?;
+    let state = decode(&bytes, path)?;
     let theirs = &state.report;
     if (&theirs.library, theirs.seed, &theirs.settings) != (&report.library, report.seed, &report.settings) {
         return Err(Error::DataFile {
             file: path.into(),
+            fault: FileFault::Unfit,
             reason:
                 "it belongs to a training with another library, seed or settings; remove it, or name another \
                      checkpoint."
@@ -56,4 +57,37 @@ pub(super) fn read(path: &Path, report: &TrainingReport) -> Result<TrainingState
         });
     }
     Ok(state)
+}
+
+/// The state of a checkpoint's bytes.
+fn decode(bytes: &[u8], path: &Path) -> Result<TrainingState> {
+    match FILE.unpack(bytes, path)? {
+        (1, payload) => postcard::from_bytes(payload).map_err(|_| FILE.damaged(path)),
+        _ => Err(FILE.damaged(path)),
+    }
+}
+
+/// Whether the bytes of a checkpoint decode, for those who try bytes that nobody wrote.
+///
+/// # Errors
+/// [`Error::DataFile`] where they do not.
+pub fn decodes(bytes: &[u8]) -> Result<()> {
+    decode(bytes, Path::new("checkpoint")).map(|_| ())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data_file::golden;
+
+    #[test]
+    fn each_version_is_read() {
+        let manifold = Manifold::random(1, 7);
+        let adam =
+            manifold.encoder.layers.iter().map(|layer| Adam::new(0.5, layer.parameters.len())).collect();
+        let report = TrainingReport { library: "a library".into(), seed: 5, ..TrainingReport::default() };
+        let now = TrainingState { report, epoch: 3, step: 9, manifold, adam };
+        let bytes = FILE.pack("Checkpoint.", &postcard::to_stdvec(&now).expect("plain numbers"));
+        assert_eq!(decode(&golden("checkpoint-1.oncueckp", &bytes), Path::new("x")).expect("read"), now);
+    }
 }

@@ -6,7 +6,7 @@
 
 mod augment;
 pub(crate) mod autoencoder;
-mod checkpoint;
+pub(crate) mod checkpoint;
 pub(crate) mod kinematics;
 mod linear_start;
 mod loss;

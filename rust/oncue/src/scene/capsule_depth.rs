@@ -4,6 +4,7 @@ use glam::Vec3;
 
 use super::SceneIndex;
 use super::polygon::Polygon;
+use super::triangle_tree::TriangleTree;
 use crate::math::capsule::{Capsule, nearest_to_triangle};
 
 /// A capsule in a surface.
@@ -33,9 +34,31 @@ impl SceneIndex {
         if high.z < above || self.is_free(capsule, radius, low.z, above) {
             return None;
         }
+        self.tree.depth_of(capsule, above)
+    }
+
+    /// Whether the distance field rules out that anything touches a capsule no thicker than `radius`.
+    fn is_free(&self, capsule: &Capsule, radius: f32, lowest: f32, above: f32) -> bool {
+        // The field knows nothing of what lies under its bottom.
+        if above < self.field.bottom && lowest <= self.field.bottom {
+            return false;
+        }
+        let [a, b] = capsule.ends;
+        let balls = (a.distance(b) / radius).ceil().clamp(1.0, 16.0);
+        let reach = radius + 0.5 * a.distance(b) / balls;
+        (0..balls as usize).all(|i| self.field.lower_bound(a + (b - a) * ((i as f32 + 0.5) / balls)) > reach)
+    }
+}
+
+impl TriangleTree {
+    /// [`SceneIndex::depth_of`] by the triangles alone.
+    pub(super) fn depth_of(&self, capsule: &Capsule, above: f32) -> Option<SceneContact> {
+        let [a, b] = capsule.ends;
+        let radius = capsule.radii[0].max(capsule.radii[1]);
+        let (low, high) = (a.min(b) - radius, a.max(b) + radius);
         let low = low.with_z(low.z.max(above));
         let mut deepest: Option<SceneContact> = None;
-        self.tree.visit_near(low, high, |triangle| {
+        self.visit_near(low, high, |triangle| {
             let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalize_or_zero();
             let sides = capsule.ends.map(|end| (end - triangle[0]).dot(normal));
             if sides[0].abs().min(sides[1].abs()) > radius && sides[0] * sides[1] > 0.0 {
@@ -60,18 +83,6 @@ impl SceneIndex {
             }
         });
         deepest
-    }
-
-    /// Whether the distance field rules out that anything touches a capsule no thicker than `radius`.
-    fn is_free(&self, capsule: &Capsule, radius: f32, lowest: f32, above: f32) -> bool {
-        // The field knows nothing of what lies under its bottom.
-        if above < self.field.bottom && lowest <= self.field.bottom {
-            return false;
-        }
-        let [a, b] = capsule.ends;
-        let balls = (a.distance(b) / radius).ceil().clamp(1.0, 16.0);
-        let reach = radius + 0.5 * a.distance(b) / balls;
-        (0..balls as usize).all(|i| self.field.lower_bound(a + (b - a) * ((i as f32 + 0.5) / balls)) > reach)
     }
 }
 

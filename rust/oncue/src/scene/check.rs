@@ -4,17 +4,18 @@ use glam::{Vec2, Vec3};
 
 use super::SceneIndex;
 use super::clear_path::ClearPath;
+use super::levels::{floor_around, near_edge_advice, on_another_level};
 use crate::action::{ActionType, Approach};
 use crate::cue::{ActionCue, Task};
 use crate::error::{Error, Result};
 use crate::math::planar::rotate;
 
 /// The pelvis joint of a seated person is about 0.10 m over the seat; a cue farther than this over it floats, metres.
-const FLOATING: f32 = 0.35;
+pub(super) const FLOATING: f32 = 0.35;
 /// A cue this deep under a surface is in the cushion, not on it, metres.
 const SUNK: f32 = 0.12;
 /// Seats that a person sits down on, metres over the floor: from a low step to a bar stool.
-const SEAT: (f32, f32) = (0.20, 0.85);
+pub(super) const SEAT: (f32, f32) = (0.20, 0.85);
 /// Thighs need so much room before the pelvis, metres: half of a thigh and the shin before it.
 const LEG_ROOM: f32 = 0.28;
 /// Knees reach so far before the pelvis, metres; on a high seat, where they are spread at need, less far.
@@ -23,7 +24,7 @@ const SPREAD_KNEE_ROOM: f32 = 0.40;
 /// A seat from so high on is a high one, metres over the floor.
 const HIGH_SEAT: f32 = 0.60;
 /// A start may stand so far over or under its floor, metres.
-const START_TOLERANCE: f32 = 0.25;
+pub(super) const START_TOLERANCE: f32 = 0.25;
 /// Something on both sides so near, metres, means inside of it.
 const INSIDE: f32 = 0.12;
 
@@ -41,11 +42,17 @@ pub fn check_task(scene: &SceneIndex, task: &Task) -> Result<()> {
             task.cue.name, spec.name
         )));
     }
-    match spec.approach {
-        Approach::Seat => check_seat(scene, &task.cue)?,
-        Approach::Place => check_place(scene, &task.cue)?,
+    let checked = match spec.approach {
+        Approach::Seat => check_seat(scene, &task.cue),
+        Approach::Place => check_place(scene, &task.cue),
+    };
+    let checked = checked.and_then(|()| check_way(scene, task));
+    // The height of a place to stand says nothing, so that a way may lead under it or over it.
+    let may_be_elsewhere = checked.is_err() || spec.approach == Approach::Place;
+    match on_another_level(scene, task).filter(|_| may_be_elsewhere) {
+        Some(error) => Err(error),
+        None => checked,
     }
-    check_way(scene, task)
 }
 
 fn check_start(scene: &SceneIndex, task: &Task) -> Result<()> {
@@ -87,6 +94,12 @@ fn check_start(scene: &SceneIndex, task: &Task) -> Result<()> {
             scene.floor_height()
         )));
     }
+    if let Some(floor) = floor_under_a_perch(scene, xy) {
+        return Err(Error::input(format!(
+            "Start ‘{name}’ stands on something {:.2} m over the floor (z = {floor:.2} m), with no room to walk; move it down.",
+            scene.floor_height() - floor
+        )));
+    }
     if scene.occupancy().is_occupied(xy) {
         return Err(Error::input(format!(
             "Start ‘{name}’ stands inside furniture or a wall; move it to a free place on the floor."
@@ -103,6 +116,18 @@ fn check_start(scene: &SceneIndex, task: &Task) -> Result<()> {
     Ok(())
 }
 
+/// World z of the floor about a start that stands on something too small to walk on, no higher than a person.
+fn floor_under_a_perch(scene: &SceneIndex, xy: Vec2) -> Option<f32> {
+    let here = scene.floor_height();
+    let step = scene.settings().floor_tolerance;
+    if scene.occupancy().clearance(xy) >= START_ROOM {
+        return None;
+    }
+    floor_around(scene, xy, here + 0.05).filter(|floor| (step..START_PERCH).contains(&(here - floor)))
+}
+
+/// What a start may have been put on by mistake is no higher, metres.
+const START_PERCH: f32 = 1.7;
 /// A person who stands nearer to something than this is in it, metres.
 const START_ROOM: f32 = 0.18;
 
@@ -176,13 +201,10 @@ fn check_place(scene: &SceneIndex, cue: &ActionCue) -> Result<()> {
 fn check_seat(scene: &SceneIndex, cue: &ActionCue) -> Result<()> {
     check_cue_place(scene, cue, "Sit")?;
     let (name, place) = (&cue.name, cue.position);
-    let xy = place.truncate();
     if let Some(sentence) = inside(scene, cue) {
         return Err(Error::input(sentence));
     }
-    // The seat under the buttocks: the highest of a few places, as seats have slats, gaps and rims.
-    let rings = [0.10, 0.18].map(|radius| support(scene, xy, place.z + SUNK, radius));
-    let Some(seat) = rings.into_iter().flatten().reduce(f32::max) else {
+    let Some(seat) = seat_under(scene, cue) else {
         return Err(Error::input(format!(
             "Sit cue ‘{name}’ floats: there is no surface below it; move it onto a seat."
         )));
@@ -215,6 +237,12 @@ fn check_seat(scene: &SceneIndex, cue: &ActionCue) -> Result<()> {
     Ok(())
 }
 
+/// World z of the seat under the buttocks: the highest of a few places, as seats have slats, gaps and rims.
+pub(super) fn seat_under(scene: &SceneIndex, cue: &ActionCue) -> Option<f32> {
+    let (xy, from) = (cue.position.truncate(), cue.position.z + SUNK);
+    [0.10, 0.18].into_iter().filter_map(|radius| support(scene, xy, from, radius)).reduce(f32::max)
+}
+
 /// How near before the pelvis of a person on the cue something stands, metres; `None` where nothing does `within`.
 fn before_the_pelvis(scene: &SceneIndex, cue: &ActionCue, within: f32) -> Option<f32> {
     let facing = cue.planar().forward();
@@ -234,7 +262,7 @@ pub fn short_of_knee_room(scene: &SceneIndex, cue: &ActionCue) -> Option<(f32, f
 }
 
 /// A sentence when the sit cue is inside a wall or under something.
-fn inside(scene: &SceneIndex, cue: &ActionCue) -> Option<String> {
+pub(super) fn inside(scene: &SceneIndex, cue: &ActionCue) -> Option<String> {
     let chest = cue.position + Vec3::Z * 0.35;
     let facing = cue.planar().forward();
     let hit = |direction: Vec2| scene.ray(chest, direction.extend(0.0), INSIDE).is_some();
@@ -262,8 +290,9 @@ fn check_way(scene: &SceneIndex, task: &Task) -> Result<()> {
     let ways = ClearPath::to_cue(scene, cue);
     if ways.approach_points().is_empty() {
         return Err(Error::Unreachable(format!(
-            "Sit cue ‘{}’ cannot be reached: there is no free floor to stand on within 0.75 m in front of it.",
-            cue.name
+            "Sit cue ‘{}’ cannot be reached: there is no free floor to stand on within 0.75 m in front of it.{}",
+            cue.name,
+            near_edge_advice(scene, cue)
         )));
     }
     if ways.distance(task.start.position.truncate()).is_finite() {
@@ -299,7 +328,7 @@ fn check_way(scene: &SceneIndex, task: &Task) -> Result<()> {
 }
 
 /// The highest surface at or under `from` within `radius` of a place, of nine points.
-fn support(scene: &SceneIndex, xy: Vec2, from: f32, radius: f32) -> Option<f32> {
+pub(super) fn support(scene: &SceneIndex, xy: Vec2, from: f32, radius: f32) -> Option<f32> {
     let around = (0..8).map(|i| Vec2::from_angle(i as f32 * std::f32::consts::FRAC_PI_4) * radius);
     std::iter::once(Vec2::ZERO)
         .chain(around)

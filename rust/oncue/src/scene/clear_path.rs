@@ -326,7 +326,7 @@ fn near(raster: &Raster, place: Vec2, radius: f32) -> impl Iterator<Item = usize
 }
 
 /// In each direction before the seat the nearest place to stand with nothing tall between it and the seat.
-fn approach_points(scene: &SceneIndex, cue: &ActionCue) -> Vec<ApproachPoint> {
+pub(super) fn approach_points(scene: &SceneIndex, cue: &ActionCue) -> Vec<ApproachPoint> {
     let settings = scene.settings();
     let with_room = |room: f32| -> Vec<ApproachPoint> {
         let steps = (APPROACH_ANGLE / APPROACH_STEP) as i32;

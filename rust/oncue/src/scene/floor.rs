@@ -1,8 +1,11 @@
-//! The floor: the level that most of the scene can be walked on.
+//! The floor: the level under a person's feet, or that most of the scene can be walked on where nobody stands yet.
+
+use std::f32::consts::FRAC_PI_4;
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::settings::SceneSettings;
 use super::triangle_tree::TriangleTree;
 
 /// Columns looked at along the longer side.
@@ -12,14 +15,60 @@ const LEVEL: f32 = 0.82;
 /// Heights are counted in steps of 1 cm; a floor's own unevenness and rugs stay within `LEVEL_STEPS` of them.
 const HEIGHT_STEP: f32 = 0.01;
 const LEVEL_STEPS: i64 = 3;
+/// A foot stands on what lies within this of its place, metres; and up to so high over it.
+const FOOT: f32 = 0.05;
+const STEP_UP: f32 = 0.25;
 
 /// World z of the dominant walkable level: of the lowest level surface with `headroom` over it in each of many
 /// columns, the height that most columns share. The lowest vertex where no column has such a surface.
 pub(super) fn dominant_level(tree: &TriangleTree, bounds: (Vec3, Vec3), headroom: f32) -> f32 {
+    let lowest = |hits: &[Level]| hits.iter().find(|level| level.room >= headroom).map(|level| level.z);
+    most_shared(columns(tree, bounds, lowest), bounds.0.z).unwrap_or(bounds.0.z)
+}
+
+/// World z of the level that carries who stands at `place`: the `dominant` one unless the surface under the place lies
+/// more than a carpet over or under it; then the height that most columns share of what lies at that surface's height.
+pub(super) fn level_under(
+    tree: &TriangleTree,
+    bounds: (Vec3, Vec3),
+    dominant: f32,
+    place: Vec3,
+    settings: &SceneSettings,
+) -> f32 {
+    if !place.is_finite() {
+        return dominant;
+    }
+    let Some(under) = support(tree, bounds.0.z, place) else { return dominant };
+    if (under - dominant).abs() <= settings.carpet_height {
+        return dominant;
+    }
+    let near = HEIGHT_STEP * LEVEL_STEPS as f32;
+    let beside = |hits: &[Level]| hits.iter().map(|level| level.z).find(|z| (z - under).abs() <= near);
+    most_shared(columns(tree, bounds, beside), bounds.0.z).unwrap_or(under)
+}
+
+/// The highest surface that a foot at `place` may stand on.
+fn support(tree: &TriangleTree, bottom: f32, place: Vec3) -> Option<f32> {
+    let around = (0..8).map(|i| Vec2::from_angle(i as f32 * FRAC_PI_4) * FOOT);
+    let from = place.z + STEP_UP;
+    std::iter::once(Vec2::ZERO)
+        .chain(around)
+        .filter_map(|d| {
+            tree.ray((place.truncate() + d).extend(from), Vec3::NEG_Z, from - bottom + 0.1).map(|t| from - t)
+        })
+        .reduce(f32::max)
+}
+
+/// What `pick` finds among the level surfaces of each of many columns, in rising order.
+fn columns(
+    tree: &TriangleTree,
+    bounds: (Vec3, Vec3),
+    pick: impl Fn(&[Level]) -> Option<f32> + Sync,
+) -> Vec<f32> {
     let (lo, hi) = bounds;
     let step = (hi - lo).truncate().max_element() / COLUMNS as f32;
     if step <= 0.0 {
-        return lo.z;
+        return Vec::new();
     }
     let count = ((hi - lo).truncate() / step).ceil().max(Vec2::ONE).as_uvec2();
     let mut heights: Vec<f32> = (0..count.x * count.y)
@@ -28,11 +77,16 @@ pub(super) fn dominant_level(tree: &TriangleTree, bounds: (Vec3, Vec3), headroom
             // Off the middle of the cells, as modelled scenes have their edges on round numbers.
             let xy =
                 lo.truncate() + step * Vec2::new((i % count.x) as f32 + 0.47, (i / count.x) as f32 + 0.53);
-            lowest_level(tree, xy, lo.z, hi.z, headroom)
+            pick(&levels(tree, xy, lo.z, hi.z))
         })
         .collect();
     heights.sort_by(f32::total_cmp);
-    let bin = |z: f32| ((z - lo.z) / HEIGHT_STEP) as i64;
+    heights
+}
+
+/// The height that most of the `heights`, in rising order, share.
+fn most_shared(heights: Vec<f32>, bottom: f32) -> Option<f32> {
+    let bin = |z: f32| ((z - bottom) / HEIGHT_STEP) as i64;
     // The window of 2 LEVEL_STEPS + 1 steps that holds most columns; the lowest of equals.
     let mut best: &[f32] = &[];
     let mut end = 0;
@@ -45,15 +99,27 @@ pub(super) fn dominant_level(tree: &TriangleTree, bounds: (Vec3, Vec3), headroom
             best = &heights[first..end];
         }
     }
-    best.get(best.len() / 2).copied().unwrap_or(lo.z)
+    best.get(best.len() / 2).copied()
 }
 
-fn lowest_level(tree: &TriangleTree, xy: Vec2, bottom: f32, top: f32, headroom: f32) -> Option<f32> {
+/// A level surface, and how far over it the next thing is, metres.
+struct Level {
+    z: f32,
+    room: f32,
+}
+
+/// The level surfaces of a column, from below.
+fn levels(tree: &TriangleTree, xy: Vec2, bottom: f32, top: f32) -> Vec<Level> {
     let below = bottom - 1.0;
     let hits = tree.ray_all(xy.extend(below), Vec3::Z, top - bottom + 2.0);
-    hits.iter().enumerate().find_map(|(i, &(t, cosine))| {
+    let mut next = 0;
+    let level = |&(t, cosine): &(f32, f32)| {
         // The surfaces of one thin slab lie closer than a step of the histogram: look past them.
-        let next = hits[i + 1..].iter().map(|h| h.0).find(|&n| n > t + 1e-4);
-        (cosine >= LEVEL && next.is_none_or(|n| n - t >= headroom)).then_some(below + t)
-    })
+        while hits.get(next).is_some_and(|over| over.0 <= t + 1e-4) {
+            next += 1;
+        }
+        let room = hits.get(next).map_or(f32::INFINITY, |over| over.0 - t);
+        (cosine >= LEVEL).then_some(Level { z: below + t, room })
+    };
+    hits.iter().filter_map(level).collect()
 }

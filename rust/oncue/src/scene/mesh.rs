@@ -52,8 +52,9 @@ pub(super) fn corners(
     Ok(out)
 }
 
-/// BLAKE3 of triangles and settings, hexadecimal. Chunks are hashed in parallel and their hashes in order.
-pub(super) fn fingerprint(corners: &[[Vec3; 3]], settings: &SceneSettings) -> String {
+/// BLAKE3 of triangles, settings and, where it is not the dominant one, the level that is walked on, hexadecimal. Chunks are
+/// hashed in parallel and their hashes in order.
+pub(super) fn fingerprint(corners: &[[Vec3; 3]], settings: &SceneSettings, level: Option<f32>) -> String {
     let parts: Vec<[u8; 32]> = corners
         .par_chunks(TRIANGLE_CHUNK)
         .map(|chunk| {
@@ -72,6 +73,9 @@ pub(super) fn fingerprint(corners: &[[Vec3; 3]], settings: &SceneSettings) -> St
     });
     // Numbers and flags always serialize.
     hasher.update(&postcard::to_stdvec(settings).unwrap_or_default());
+    if let Some(level) = level {
+        hasher.update(&level.to_le_bytes());
+    }
     hasher.finalize().to_hex().to_string()
 }
 

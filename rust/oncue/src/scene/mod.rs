@@ -34,7 +34,9 @@ mod clear_path;
 mod distance_field;
 mod eikonal;
 mod floor;
+mod levels;
 mod mesh;
+mod moving;
 mod occupancy;
 mod polygon;
 mod raster;
@@ -48,6 +50,7 @@ mod triangle_tree;
 pub use capsule_depth::SceneContact;
 pub use check::{check_task, short_of_knee_room};
 pub use clear_path::{ApproachPoint, ClearPath};
+pub use moving::MovingObject;
 pub use occupancy::OccupancyGrid;
 pub use raster::Raster;
 pub use settings::SceneSettings;
@@ -56,6 +59,7 @@ use std::cell::RefCell;
 
 use glam::{Quat, UVec3, Vec2, Vec3};
 
+use crate::cue::Task;
 use crate::error::Result;
 use crate::motion::skeleton::LIMB_BOX_COUNT;
 use crate::motion::{BODY_BOXES, BoxNode, Pose};
@@ -79,6 +83,22 @@ const LIMB_BOXES: [BoxNode; LIMB_BOX_COUNT] = {
 /// is the seat, metres. The pelvis joint is at 0.10; armrests, backrests and tables reach higher.
 pub(crate) const SEAT_GIVE: f32 = 0.08;
 
+/// A scene so wide that its grid would be coarser is looked at so far about the start and the cue, metres.
+const SURROUNDINGS: f32 = 20.0;
+
+/// The part of the floor plane in which the ways of a task are found.
+fn surroundings(bounds: (Vec3, Vec3), task: &Task, settings: &SceneSettings) -> (Vec3, Vec3) {
+    let (lo, hi) = bounds;
+    let cells = (((hi - lo).truncate() / settings.cell_size).as_dvec2() + 1.0).element_product();
+    let places = [task.start.position, task.cue.position];
+    if cells <= settings.max_cells as f64 / 4.0 || places.iter().any(|place| !place.is_finite()) {
+        return bounds;
+    }
+    let [a, b] = places.map(|place| place.clamp(lo, hi));
+    let (from, to) = ((a.min(b) - SURROUNDINGS).max(lo), (a.max(b) + SURROUNDINGS).min(hi));
+    (from.with_z(lo.z), to.with_z(hi.z))
+}
+
 thread_local! {
     static SCRATCH: RefCell<Scratch> = RefCell::default();
 }
@@ -97,7 +117,8 @@ pub struct SceneIndex {
 }
 
 impl SceneIndex {
-    /// Indexes triangles (world, metres, Z up). The result does not depend on the number of threads.
+    /// Indexes triangles (world, metres, Z up) on their dominant walkable level. The result does not depend on the number of
+    /// threads.
     ///
     /// Errors: `Input` for an empty or unreadable mesh, naming the triangle; `Cancelled`.
     pub fn build(
@@ -106,22 +127,40 @@ impl SceneIndex {
         settings: &SceneSettings,
         progress: &Progress,
     ) -> Result<SceneIndex> {
+        Self::build_for(positions, triangles, settings, None, progress)
+    }
+
+    /// The same for a task: its floor is the level that carries the task's start, whatever else in the scene is level, and
+    /// in a scene too wide for its grid the ways are found about the start and the cue.
+    pub fn build_for(
+        positions: &[Vec3],
+        triangles: &[[u32; 3]],
+        settings: &SceneSettings,
+        task: Option<&Task>,
+        progress: &Progress,
+    ) -> Result<SceneIndex> {
         settings.validate()?;
         progress.stage("Indexing the scene");
         let corners = mesh::corners(positions, triangles, progress)?;
         let first = corners[0][0];
         let bounds = corners.iter().flatten().fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v)));
         progress.fraction(0.1);
-        let fingerprint = mesh::fingerprint(&corners, settings);
         let tree = TriangleTree::build(&corners, progress)?;
         progress.fraction(0.7);
-        let floor_height =
-            settings.floor_height.unwrap_or_else(|| floor::dominant_level(&tree, bounds, settings.headroom));
+        let dominant = floor::dominant_level(&tree, bounds, settings.headroom);
+        let floor_height = settings.floor_height.unwrap_or_else(|| match task {
+            Some(task) => floor::level_under(&tree, bounds, dominant, task.start.position, settings),
+            None => dominant,
+        });
+        // What was learnt on one level says nothing of another.
+        let level = (settings.floor_height.is_none() && floor_height != dominant).then_some(floor_height);
+        let fingerprint = mesh::fingerprint(&corners, settings, level);
         let bottom = floor_height + settings.carpet_height;
         let field =
             DistanceField::build(&corners, bounds, bottom, settings.cell_size, settings.max_cells, progress)?;
         progress.fraction(0.9);
-        let occupancy = OccupancyGrid::build(&corners, bounds, floor_height, settings, progress)?;
+        let region = task.map_or(bounds, |task| surroundings(bounds, task, settings));
+        let occupancy = OccupancyGrid::build(&corners, region, floor_height, settings, progress)?;
         progress.fraction(1.0);
         Ok(SceneIndex {
             settings: settings.clone(),
@@ -155,7 +194,7 @@ impl SceneIndex {
         self.bounds
     }
 
-    /// World z of the dominant walkable level.
+    /// World z of the level that is walked on: the dominant one, or that of the task's start.
     pub fn floor_height(&self) -> f32 {
         self.floor_height
     }

@@ -1,5 +1,7 @@
 //! The scene index against brute force and by hand, on geometry made here.
 
+use std::f32::consts::{PI, TAU};
+
 use glam::{DVec3, Quat, Vec2, Vec3};
 use proptest::prelude::*;
 
@@ -46,6 +48,16 @@ impl Mesh {
 
     fn build(&self) -> Result<SceneIndex> {
         SceneIndex::build(&self.positions, &self.triangles, &SceneSettings::default(), &Progress::new())
+    }
+
+    fn build_for(&self, task: &Task) -> SceneIndex {
+        let (settings, progress) = (SceneSettings::default(), Progress::new());
+        SceneIndex::build_for(&self.positions, &self.triangles, &settings, Some(task), &progress).unwrap()
+    }
+
+    /// What is said of a task in this scene, indexed for it; nothing where it can be done.
+    fn said(&self, task: &Task) -> String {
+        check_task(&self.build_for(task), task).map_or_else(|error| error.to_string(), |()| String::new())
     }
 
     fn corners(&self) -> Vec<[Vec3; 3]> {
@@ -610,6 +622,129 @@ fn tasks_that_cannot_be_done_are_named() {
         matches!(error, Error::Unreachable(_)) && error.to_string().contains("from start ‘Here’"),
         "{error}"
     );
+}
+
+/// Whatever else is level in a scene, and larger: each with the room of [`room`] on its floor.
+fn larger_surfaces() -> Vec<(&'static str, Mesh)> {
+    let wide = |z: f32, half: f32| room().floor(Vec2::splat(-half), Vec2::splat(half), z);
+    let mut sky = room();
+    for i in 0..64 {
+        // A ball of 25 m, in strips from pole to pole.
+        let at = |i: i32, j: i32| {
+            let (turn, rise) = (i as f32 * TAU / 64.0, j as f32 * PI / 32.0);
+            Vec3::new(3.0, 2.0, 0.0)
+                + 25.0 * Vec3::new(rise.sin() * turn.cos(), rise.sin() * turn.sin(), rise.cos())
+        };
+        for j in 0..32 {
+            sky = sky.quad(at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j));
+        }
+    }
+    vec![
+        ("garden", wide(-0.3, 12.0)),
+        ("low garden", wide(-0.15, 12.0)),
+        ("ground", wide(-0.1, 50.0)),
+        ("land", wide(-0.1, 400.0)),
+        ("storey below", wide(-3.0, 10.0)),
+        ("roof", wide(3.0, 12.0)),
+        ("sky", sky),
+        ("ground box", room().solid([-9.0, -9.0, -2.0], [9.0, 9.0, -0.07])),
+    ]
+}
+
+#[test]
+fn the_floor_is_under_the_start_whatever_else_is_level() {
+    let task = task(Vec3::new(1.0, 1.0, 0.0), sit(5.75, 2.0, 0.55, 180.0));
+    let alone = room().build_for(&task);
+    assert_eq!(alone.floor_height(), room().build().unwrap().floor_height());
+    assert_eq!(alone.fingerprint(), room().build().unwrap().fingerprint());
+    let way = ClearPath::to_cue(&alone, &task.cue).distance(task.start.planar().position);
+    for (name, mesh) in larger_surfaces() {
+        let scene = mesh.build_for(&task);
+        assert_eq!(scene.floor_height(), 0.0, "{name}");
+        assert_eq!(mesh.said(&task), "", "{name}");
+        // Cells lie elsewhere, yet they are as fine: through the same door, by the same way.
+        assert_eq!(scene.occupancy().raster.cell, 0.05, "{name}");
+        let there = ClearPath::to_cue(&scene, &task.cue).distance(task.start.planar().position);
+        assert!((there - way).abs() < 0.15, "{name}: {there} m, not {way} m");
+        // What was learnt on another level is not taken for this one's.
+        let other = mesh.build().unwrap();
+        assert_eq!(other.floor_height() == 0.0, other.fingerprint() == scene.fingerprint(), "{name}");
+        assert!(!scene.occupancy().is_walkable(Vec2::new(5.75, 2.0)), "{name}");
+    }
+}
+
+#[test]
+fn a_rug_is_floor_and_a_podium_a_level_of_its_own() {
+    let rug = room().solid([0.5, 0.5, 0.0], [1.5, 1.5, 0.03]);
+    let bench = || sit(5.75, 2.0, 0.55, 180.0);
+    let on_rug = task(Vec3::new(1.0, 1.0, 0.03), bench());
+    assert_eq!((rug.build_for(&on_rug).floor_height(), rug.said(&on_rug).as_str()), (0.0, ""));
+    let podium = room().solid([0.0, 0.0, 0.0], [2.0, 4.0, 0.18]);
+    let high = Vec3::new(1.0, 2.0, 0.18);
+    // From the podium to the bench below; from the floor onto the podium; and all on the podium.
+    let down = podium.said(&task(high, bench()));
+    assert!(down.contains("Sit cue ‘Bench’ stands on another level than start ‘Here’"), "{down}");
+    assert!(down.contains("at z = 0.00 m, that of the start at z = 0.18 m"), "{down}");
+    let mut top = stop(1.0, 1.0);
+    top.position.z = 0.18;
+    let up = podium.said(&task(Vec3::new(2.5, 1.0, 0.0), top.clone()));
+    assert!(up.contains("Stop cue ‘There’ stands on another level"), "{up}");
+    assert_eq!(podium.said(&task(high, top)), "");
+    assert!((podium.build_for(&task(high, bench())).floor_height() - 0.18).abs() < 1e-5);
+}
+
+#[test]
+fn a_start_on_furniture_is_told_to_come_down() {
+    let table = room().solid([0.85, 0.85, 0.0], [1.15, 1.15, 0.7]);
+    let said = table.said(&task(Vec3::new(1.0, 1.0, 0.7), sit(5.75, 2.0, 0.55, 180.0)));
+    assert!(said.contains("stands on something 0.70 m over the floor (z = 0.00 m)"), "{said}");
+    // Where there is room to walk on it, the cue is on another level.
+    let stage = room().solid([0.2, 0.2, 0.0], [2.2, 2.2, 0.7]);
+    let said = stage.said(&task(Vec3::new(1.0, 1.0, 0.7), sit(5.75, 2.0, 0.55, 180.0)));
+    assert!(said.contains("on another level than start ‘Here’"), "{said}");
+}
+
+#[test]
+fn storeys_are_floors_of_their_own() {
+    // Two rooms over each other, the lower one larger.
+    let below =
+        room().floor(Vec2::splat(-3.0), Vec2::splat(9.0), -3.0).solid([5.55, 1.0, -3.0], [6.0, 3.0, -2.55]);
+    let place = |z: f32| Vec3::new(1.0, 1.0, z);
+    let bench = |z: f32| sit(5.75, 2.0, z + 0.55, 180.0);
+    for z in [0.0, -3.0] {
+        assert_eq!(below.said(&task(place(z), bench(z))), "", "{z}");
+        let elsewhere = below.said(&task(place(z), bench(-3.0 - z)));
+        assert!(elsewhere.contains("stands on another level than start ‘Here’"), "{elsewhere}");
+        let mut far = stop(1.0, 2.0);
+        far.position.z = -3.0 - z;
+        let elsewhere = below.said(&task(place(z), far));
+        assert!(elsewhere.contains("Stop cue ‘There’ stands on another level"), "{elsewhere}");
+    }
+    // A start that floats is lowered onto what is under it, not sent to another storey.
+    let floats = below.said(&task(place(0.6), bench(0.0)));
+    assert!(floats.contains("stands 0.60 m over the nearest surface"), "{floats}");
+    // And a cue that is a little too deep is raised, not sent to the floor below.
+    let deep = below.said(&task(place(0.0), sit(4.0, 2.0, -0.2, 180.0)));
+    assert!(deep.contains("0.20 m below the floor"), "{deep}");
+}
+
+#[test]
+fn a_cue_in_the_middle_of_a_mattress_is_told_where_its_edge_is() {
+    let here = Vec3::new(1.0, 1.0, 0.0);
+    // 2 m deep and as wide as the bench's wall is long.
+    let bed = room().solid([3.8, 0.0, 0.0], [6.0, 4.0, 0.45]);
+    let said = bed.said(&task(here, sit(5.0, 2.0, 0.55, 180.0)));
+    assert!(said.contains("no free floor to stand on within 0.75 m"), "{said}");
+    assert!(said.contains("1.01 m away: move it to x = 3.99 m, y = 2.00 m."), "{said}");
+    // It can be sat on there.
+    assert_eq!(bed.said(&task(here, sit(3.99, 2.0, 0.55, 180.0))), "");
+    // Facing the wall it is turned as well.
+    let turned = bed.said(&task(here, sit(5.0, 2.0, 0.55, 90.0)));
+    assert!(turned.contains("x = 4.01 m") && turned.contains("turned 80° to the left."), "{turned}");
+    // Where no edge has floor before it, none is named.
+    let full = room().solid([0.0, 0.0, 0.0], [6.0, 4.0, 0.45]);
+    let said = check_task(&full.build().unwrap(), &task(here, sit(3.5, 2.0, 0.55, 180.0)));
+    assert!(!said.unwrap_err().to_string().contains("edge"));
 }
 
 /// Bumpy ground of 2 × 90,000 small triangles, and four giant ones through it: several chunks, and cut triangles.

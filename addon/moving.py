@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What moves in the scene by itself, as arrays, and what is said of a motion that meets it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import quaternions
+from .native import core
+from .scene_frames import in_scene_frames
+
+#: Things that stand nearer than this to where they stood are where they were, metres.
+SAME_PLACE = 0.02
+
+Mesh = tuple[NDArray[np.float32], NDArray[np.uint32]]
+
+
+@dataclass(frozen=True)
+class MovingThing:
+    """A rigid mesh as it stands on the motion's first frame, and what takes it from there to each frame (30 Hz)."""
+
+    name: str
+    #: World, metres: (n, 3) and (m, 3).
+    positions: NDArray[np.float32]
+    triangles: NDArray[np.uint32]
+    #: (frames, 3), metres, and (frames, 4), w first.
+    translations: NDArray[np.float32]
+    rotations: NDArray[np.float32]
+
+    def at(self, frame: int) -> NDArray[np.float32]:
+        """Its positions on a frame; after the last as on the last."""
+        frame = min(frame, len(self.translations) - 1)
+        turn = quaternions.to_matrix(self.rotations[frame])
+        return (self.positions @ turn.T + self.translations[frame]).astype(np.float32)
+
+    def for_core(self) -> core.MovingObject:
+        """The same for the core."""
+        return core.MovingObject(self.name, self.positions, self.triangles, self.translations, self.rotations)
+
+
+def stands(things: tuple[MovingThing, ...]) -> Iterator[Mesh]:
+    """Ways in which a motion may be planned about what moves: as all stands on the first frame, on the last, on the one
+    on which it is farthest from both, and all places that it comes to at once. None comes twice.
+    """
+    last = max(len(thing.translations) for thing in things) - 1
+    seen: list[NDArray[np.float32]] = []
+    for frame in (0, last, _farthest(things, last)):
+        placed = np.concatenate([thing.at(frame) for thing in things])
+        if all(np.abs(placed - other).max() > SAME_PLACE for other in seen):
+            seen.append(placed)
+            yield joined([(thing.at(frame), thing.triangles) for thing in things])
+    yield joined([(places, thing.triangles) for thing in things for places in _swept(thing)])
+
+
+def joined(meshes: list[Mesh]) -> Mesh:
+    """All meshes as one."""
+    starts = np.cumsum([0, *(len(positions) for positions, _ in meshes[:-1])])
+    triangles = [corners + np.uint32(start) for start, (_, corners) in zip(starts, meshes, strict=True)]
+    return np.concatenate([positions for positions, _ in meshes]), np.concatenate(triangles)
+
+
+def _farthest(things: tuple[MovingThing, ...], last: int) -> int:
+    """The frame on which the things are farthest from where they begin and end."""
+
+    def away(frame: int) -> float:
+        return sum(
+            min(float(np.abs(thing.at(frame) - thing.at(other)).max()) for other in (0, last)) for thing in things
+        )
+
+    return max(range(0, last + 1, 5), key=away)
+
+
+def _swept(thing: MovingThing) -> Iterator[NDArray[np.float32]]:
+    """The places that a thing comes to, a hand's breadth apart."""
+    before = thing.at(0)
+    yield before
+    for frame in range(1, len(thing.translations)):
+        now = thing.at(frame)
+        if np.abs(now - before).max() > 0.1:
+            before = now
+            yield now
+
+
+def meeting_sentences(meetings: list[core.Meeting], start_frame: int, scene_rate: float) -> list[str]:
+    """What is said of each object that the person runs into, with the scene's frames."""
+    said = (
+        "‘{object}’ moves, and the person runs into it on frames {first} to {last}, {depth:.0f} cm deep: let it be out "
+        "of the way by then, or move a cue."
+    )
+    sentences = (said.format(**m, last=m["end"] - 1, depth=m["depth_cm"]) for m in meetings)
+    return [in_scene_frames(sentence, start_frame, scene_rate) for sentence in sentences]

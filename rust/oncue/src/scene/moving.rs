@@ -1,0 +1,70 @@
+//! What moves in the scene by itself: a mesh, and where it stands on each frame.
+
+use glam::{Quat, Vec3};
+
+use super::mesh;
+use super::triangle_tree::TriangleTree;
+use crate::error::{Error, Result};
+use crate::math::capsule::Capsule;
+use crate::progress::Progress;
+
+/// A rigid mesh that moves, and its poses at 30 Hz; after the last it stands still.
+#[derive(Debug)]
+pub struct MovingObject {
+    /// Its name, for messages.
+    pub name: String,
+    tree: TriangleTree,
+    /// Middle and radius of a ball about it, as it was read, metres.
+    ball: (Vec3, f32),
+    poses: Vec<(Vec3, Quat)>,
+}
+
+impl MovingObject {
+    /// A mesh (world, metres) and for each frame what takes it from where it was read to where it stands then: x ↦ turn · x +
+    /// place.
+    ///
+    /// Errors: `Input` for a mesh that cannot be used and for poses that are none, naming the object; `Cancelled`.
+    pub fn build(
+        name: &str,
+        positions: &[Vec3],
+        triangles: &[[u32; 3]],
+        poses: &[(Vec3, Quat)],
+        progress: &Progress,
+    ) -> Result<Self> {
+        let unit = |turn: Quat| (turn.length() - 1.0).abs() < 1e-2;
+        if poses.is_empty() || !poses.iter().all(|(place, turn)| place.is_finite() && unit(*turn)) {
+            return Err(Error::input(format!(
+                "‘{name}’ moves to a place that is not a number; look at its keys, drivers and constraints."
+            )));
+        }
+        let corners = mesh::corners(positions, triangles, progress)?;
+        let first = corners[0][0];
+        let (lo, hi) = corners.iter().flatten().fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v)));
+        let poses = poses.iter().map(|&(place, turn)| (place, turn.normalize())).collect();
+        let ball = (0.5 * (lo + hi), 0.5 * lo.distance(hi));
+        Ok(Self { name: name.to_owned(), tree: TriangleTree::build(&corners, progress)?, ball, poses })
+    }
+
+    /// Frames until it stands still.
+    pub fn frames(&self) -> usize {
+        self.poses.len()
+    }
+
+    /// Whether it may come nearer to `place` than `reach` on a frame, metres.
+    pub fn is_near(&self, frame: usize, place: Vec3, reach: f32) -> bool {
+        let (at, turn) = self.pose(frame);
+        (turn * self.ball.0 + at).distance(place) <= self.ball.1 + reach
+    }
+
+    /// As [`super::SceneIndex::depth_of`] of what stands there on a frame: how deep a capsule (world) is in its surface, metres.
+    pub fn depth_of(&self, capsule: &Capsule, frame: usize) -> Option<f32> {
+        let (at, turn) = self.pose(frame);
+        let back = turn.conjugate();
+        let there = Capsule { ends: capsule.ends.map(|end| back * (end - at)), radii: capsule.radii };
+        self.tree.depth_of(&there, f32::NEG_INFINITY).map(|contact| contact.depth)
+    }
+
+    fn pose(&self, frame: usize) -> (Vec3, Quat) {
+        self.poses[frame.min(self.poses.len() - 1)]
+    }
+}
