@@ -358,6 +358,26 @@ def window(session: nox.Session) -> None:
 
 
 @nox.session
+def situations(session: nox.Session) -> None:
+    """Scenes and captures as artists have them, with what is said of each: docs/situations.md."""
+    python = blender_environment(session, blenders(session)[-1], build_wheel(session))
+    session.run(str(python), "tools/situations.py", *session.posargs)
+
+
+@nox.session
+def fuzz(session: nox.Session) -> None:
+    """Reads files that were changed at random, a million over all kinds, and counts; `-- 100000 7` for fewer by a seed.
+
+    The table goes to out/fuzz.md; that of a long run is published in docs/fuzz.md.
+    """
+    command = ["cargo", "run", "--release", "--locked", "--package", "oncue", "--example", "fuzz", "--"]
+    table = session.run(*command, *session.posargs, external=True, silent=True, stderr=None)
+    OUT.mkdir(exist_ok=True)
+    (OUT / "fuzz.md").write_text(str(table), encoding="utf-8")
+    print(table)
+
+
+@nox.session
 def rooms(session: nox.Session) -> None:
     """The tables and contact sheets of docs/rooms, from `../shared/data`; `-- --table objects` for one of them."""
     python = blender_environment(session, blenders(session)[-1], build_wheel(session))

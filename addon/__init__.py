@@ -6,12 +6,23 @@ from __future__ import annotations
 from types import ModuleType
 
 from . import job_operator, overlay, panels, preferences, properties
-from .operators import edit, follow, library, manifold, menus, place_cues, policies, scene_setup, synthesize
+from .operators import (
+    edit,
+    follow,
+    go_to_frame,
+    library,
+    manifold,
+    menus,
+    place_cues,
+    policies,
+    scene_setup,
+    synthesize,
+)
 
 #: In the order of registering: properties before what shows them, the job's handle before what uses it.
 MODULES = (
     *(properties, preferences, job_operator),
-    *(synthesize, follow, library, manifold, place_cues, scene_setup, edit, policies),
+    *(synthesize, follow, library, manifold, place_cues, scene_setup, edit, policies, go_to_frame),
     *(menus, panels, overlay),
 )
 

@@ -49,6 +49,9 @@ def parser() -> argparse.ArgumentParser:
         help=".bvh files, folders, library files (default: the scene's)",
     )
     made.add_argument("--starter", choices=["all", "missing", "none"], help="what the starter library adds")
+    made.add_argument(
+        "--mapping", type=Path, help="how the captures are to be read, docs/captures.md (default: the scene's)"
+    )
     made.add_argument("--manifold", type=Path, help="a motion manifold of your own (default: the scene's)")
     made.add_argument("--preset", help="settings of the optimization (default: the scene's)")
     made.add_argument("--overrides", help="settings that depart from the preset, as a JSON object")
@@ -140,6 +143,8 @@ def apply_options(scene: bpy.types.Scene, options: argparse.Namespace) -> None:
             settings.library_paths.add().path = str(Path(path).resolve())
     if options.starter is not None:
         settings.starter = options.starter.upper()
+    if options.mapping is not None:
+        settings.mapping = str(options.mapping.resolve())
     if options.manifold is not None:
         settings.manifold = str(options.manifold.resolve())
     if options.preset is not None:

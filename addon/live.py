@@ -18,11 +18,11 @@ import numpy as np
 from . import native
 from .native import core
 from .pipeline import (
+    Captures,
     LibraryCache,
     Outcome,
     Request,
     Run,
-    SkippedFiles,
     Steps,
     T,
     all_met,
@@ -67,7 +67,7 @@ class World:
 
     request: Request
     library: core.Library
-    skipped_files: SkippedFiles
+    captures: Captures
     scene: core.SceneIndex
     kept: core.Policy | None
     #: What seat and hands are fitted along; None for the one that ships.
@@ -77,13 +77,13 @@ class World:
 def world_steps(request: Request, cache: LibraryCache, policies: PolicyCache, before: World | None) -> Steps[World]:
     """The world of a request; the scene of the one before is taken over where its triangles are the same."""
     manifold = read_manifold(request.manifold)
-    library, skipped = yield from library_steps(request.library, cache)
+    library, captures = yield from library_steps(request.library, cache)
     if before is not None and _same_scene(request, before.request):
         scene = before.scene
     else:
         settings = merged(core.default_settings(request.preset), request.overrides)["scene"]
         scene = yield from finish(core.index_scene(request.positions, request.triangles, settings, request.task))
-    return World(request, library, skipped, scene, policies.find(scene, library), manifold)
+    return World(request, library, captures, scene, policies.find(scene, library), manifold)
 
 
 def play_steps(world: World, request: Request, overrides: core.Settings) -> Steps[Outcome]:
@@ -95,7 +95,7 @@ def play_steps(world: World, request: Request, overrides: core.Settings) -> Step
             world.scene, world.library, request.task, settings, request.seed, world.kept, world.manifold
         )
         synthesis = yield from finish(job)
-    return Outcome(synthesis, {"synthesis": time.perf_counter() - began}, world.skipped_files)
+    return Outcome(synthesis, {"synthesis": time.perf_counter() - began}, world.captures)
 
 
 #: Starts whose heights differ by less stand on one floor, metres.

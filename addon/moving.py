@@ -35,11 +35,17 @@ class MovingThing:
         """Its positions on a frame; after the last as on the last."""
         frame = min(frame, len(self.translations) - 1)
         turn = quaternions.to_matrix(self.rotations[frame])
-        return (self.positions @ turn.T + self.translations[frame]).astype(np.float32)
+        placed: NDArray[np.float32] = (self.positions @ turn.T + self.translations[frame]).astype(np.float32)
+        return placed
 
     def for_core(self) -> core.MovingObject:
         """The same for the core."""
         return core.MovingObject(self.name, self.positions, self.triangles, self.translations, self.rotations)
+
+
+def nothing_met() -> core.Passing:
+    """How a motion gets past what moves where nothing does."""
+    return {"wait": 0, "meetings": []}
 
 
 def stands(things: tuple[MovingThing, ...]) -> Iterator[Mesh]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import textwrap
+from pathlib import Path
 
 import bpy
 
@@ -13,9 +14,10 @@ from .bridge.cue_objects import KINDS
 from .bridge.cue_reader import ENDS, HANDS, visible_cues
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
-from .errors import CharacterError, ScaleError
+from .errors import CharacterError, ScaleError, SceneError
 from .job_operator import handle
 from .operators.follow import following
+from .operators.synthesize import library_cache
 
 CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
 #: A list that is no longer is open at first; of a longer one so many lines are shown.
@@ -80,11 +82,44 @@ class ONCUE_PT_library(OncuePanel, bpy.types.Panel):
         row.operator("oncue.add_library", text="Add Files", icon="FILE")
         row.operator("oncue.add_library", text="Add Folder", icon="FILE_FOLDER").folder = True
         if settings.library_paths:
-            layout.operator("oncue.save_library", icon="FILE_TICK")
+            layout.prop(settings, "mapping")
+            row = layout.row(align=True)
+            row.operator("oncue.read_library", icon="VIEWZOOM")
+            row.operator("oncue.save_library", icon="FILE_TICK")
+            _draw_captures(context, layout)
         header, manifold = layout.panel("oncue_manifold", default_closed=True)
         header.label(text="Motion Manifold")
         if manifold:
             _draw_manifold(manifold.column(), settings)
+
+
+def _draw_captures(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    """What each file gave when the library was read last."""
+    try:
+        captures = library_cache.captures_of(session.library_choice(context.scene))
+    except SceneError:
+        captures = None
+    if not captures:
+        return
+    left_out = sum(not capture["clip"] for capture in captures)
+    header, body = layout.panel("oncue_captures", default_closed=len(captures) > SHORT_LIST and not left_out)
+    header.label(text=f"{len(captures)} Captures" + (f", {left_out} Left Out" if left_out else ""))
+    if not body:
+        return
+    # Those that gave nothing come first: they want something done.
+    for capture in sorted(captures, key=lambda capture: bool(capture["clip"]))[:LONGEST_LIST]:
+        column = body.column(align=True)
+        column.label(text=capture_line(capture), icon="CHECKMARK" if capture["clip"] else "ERROR")
+        for said in [*capture["notes"], *filter(None, [capture["reason"]])]:
+            write_lines(context, column, said, "BLANK1")
+    if len(captures) > LONGEST_LIST:
+        body.label(text=f"and {len(captures) - LONGEST_LIST} more")
+
+
+def capture_line(capture: dict) -> str:
+    """A capture's file and the seconds of each action that it shows."""
+    gave = [f"{label} {seconds:.0f} s" for label, seconds in capture["seconds"].items() if seconds >= 0.5]
+    return f"{Path(capture['file']).name}: {', '.join(gave) if capture['clip'] and gave else 'nothing'}"
 
 
 class ONCUE_UL_library(bpy.types.UIList):
@@ -158,6 +193,11 @@ class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
             lines, problems = [], ["The report that is kept with this take was changed and cannot be read."]
         for line, icon in lines:
             column.label(text=line, icon=icon)
+        deepest = deepest_line(report)
+        if deepest:
+            row = column.row(align=True)
+            row.label(text=deepest[0], icon="BLANK1")
+            row.operator("oncue.go_to_frame", text=f"Frame {deepest[1]}", icon="TIME").frame = deepest[1]
         for problem in problems:
             write_lines(context, layout.box(), problem, "ERROR")
 
@@ -215,6 +255,15 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
     if seconds:
         lines.append((f"Made in {sum(seconds.values()):.0f} s, seed {report.get('seed', 0)}", "TIME"))
     return lines
+
+
+def deepest_line(report: dict) -> tuple[str, int] | None:
+    """Which part of the body is deepest in what, and on which frame; None where nothing is."""
+    deepest = (report.get("extension") or {}).get("deepest")
+    if not deepest:
+        return None
+    part, thing = deepest["part"].replace("_", " "), deepest["object"] or "what moves"
+    return f"    Deepest: {part} {deepest['depth_cm']:.1f} cm in {thing}", int(deepest["frame"])
 
 
 def _clipping_lines(penetration: dict) -> list[tuple[str, str]]:

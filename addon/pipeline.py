@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .errors import SceneError
 from .log import logger
 from .motion import Motion
-from .moving import Mesh, MovingThing, joined, stands
+from .moving import Mesh, MovingThing, joined, nothing_met, stands
 from .native import core
 from .policy_cache import PolicyCache
 from .scene_frames import CORE_RATE, told_in_scene_frames
@@ -36,8 +36,8 @@ T_co = TypeVar("T_co", covariant=True)
 
 #: Yields the jobs of the core that it waits for, and gives a `T` at its end.
 Steps: TypeAlias = Generator["core.Job[object]", None, T]
-#: (file, reason) of each motion capture file that was left out.
-SkippedFiles: TypeAlias = list[tuple[str, str]]
+#: What each motion capture file gave, and why the rest of it was left out.
+Captures: TypeAlias = "list[core.Capture]"
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,8 @@ class LibraryChoice:
     paths: tuple[str, ...] = ()
     #: "all", "missing" (what the files lack) or "none".
     starter: str = "missing"
+    #: A mapping file for all the captures (docs/captures.md); empty for those that lie beside them.
+    mapping: str = ""
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,9 @@ class Request:
     scene_rate: float = CORE_RATE
     #: What moves in the scene by itself; not among the triangles.
     moving: tuple[MovingThing, ...] = ()
+    #: The object of each triangle, by its place in `names`.
+    owners: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, np.uint32))
+    names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -101,9 +106,9 @@ class Outcome:
     synthesis: core.Synthesis
     #: Seconds of each step.
     seconds: dict[str, float]
-    skipped_files: SkippedFiles = field(default_factory=list)
+    captures: Captures = field(default_factory=list)
     #: How the motion gets past what moves, and the core's frames that the person waits before it begins.
-    passing: core.Passing = field(default_factory=lambda: {"wait": 0, "meetings": []})
+    passing: core.Passing = field(default_factory=nothing_met)
 
     def begins(self, request: Request) -> int:
         """The scene's frame at which the motion begins."""
@@ -113,7 +118,7 @@ class Outcome:
 #: (path, time of the last change in ns, bytes) of each file of a library.
 FileStates: TypeAlias = tuple[tuple[str, int, int], ...]
 LibraryKey: TypeAlias = tuple[LibraryChoice, FileStates]
-BuiltLibrary: TypeAlias = tuple["core.Library", SkippedFiles]
+BuiltLibrary: TypeAlias = "tuple[core.Library, Captures]"
 
 
 class LibraryCache:
@@ -129,6 +134,10 @@ class LibraryCache:
     def put(self, key: LibraryKey, built: BuiltLibrary) -> None:
         self._key, self._built = key, built
 
+    def captures_of(self, choice: LibraryChoice) -> Captures | None:
+        """What the files of a choice gave when it was built last, or None where another one was."""
+        return self._built[1] if self._key and self._built and self._key[0] == choice else None
+
 
 def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache | None = None) -> Steps[Outcome]:
     """The whole run. A policy that was optimized is kept in `policies`, and played where the prior fails."""
@@ -137,7 +146,7 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     manifold = read_manifold(request.manifold)
     settings = merged(core.default_settings(request.preset), request.overrides)
     with _timed(seconds, "library"):
-        library, skipped = yield from library_steps(request.library, cache)
+        library, captures = yield from library_steps(request.library, cache)
     made: list[tuple[core.Synthesis, core.Passing]] = []
     refused: Exception | None = None
     for positions, triangles in _scenes(request):
@@ -162,7 +171,7 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     if refused is not None and not made:
         raise _because_it_moves(refused, request)
     synthesis, passing = min(made, key=_shortfall)
-    return Outcome(synthesis, seconds, skipped, passing)
+    return Outcome(synthesis, seconds, captures, passing)
 
 
 #: A person waits no longer for a way to be free, the core's frames: 20 s.
@@ -181,7 +190,7 @@ def _scenes(request: Request) -> Iterator[Mesh]:
 def _passing_steps(request: Request, synthesis: core.Synthesis) -> Steps[core.Passing]:
     """How a motion gets past what moves. A hand that holds something on its way keeps its frames: then nobody waits."""
     if not request.moving:
-        return {"wait": 0, "meetings": []}
+        return nothing_met()
     hands = bool(request.task.get("manipulations"))
     job = core.pass_moving(
         np.asarray(synthesis.root_positions),
@@ -303,25 +312,25 @@ def merged(settings: core.Settings, overrides: core.Settings, where: str = "") -
 
 
 def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps[BuiltLibrary]:
-    """The motion library of a choice, and the files that were left out of it."""
-    key = (choice, _state_of_files(choice.paths))
+    """The motion library of a choice, and what each of its captures gave."""
+    key = (choice, _state_of_files(choice.paths, choice.mapping))
     built = cache.get(key)
     if built is None:
         finished = [path for path in choice.paths if _is_library_file(path)]
         mocap = [path for path in choice.paths if path not in finished]
         library: core.Library | None = None
-        skipped: SkippedFiles = []
+        captures: Captures = []
         if mocap or not finished or choice.starter == "all":
             if not choice.paths and choice.starter == "none":
                 raise SceneError("The motion library is empty: add mocap files, or let the starter library in.")
             starter = choice.starter if mocap else "all"
-            library, captures = yield from finish(core.build_library(mocap, {"starter": starter}))
-            skipped = [(c["file"], c["reason"] or "") for c in captures if c["clip"] is None]
+            asked = {"starter": starter, **({"mapping": choice.mapping} if choice.mapping else {})}
+            library, captures = yield from finish(core.build_library(mocap, asked))
         for path in finished:
             read = core.Library.read(path)
             library = read if library is None else library.merged(read)
         assert library is not None  # read or built: there are files of the one kind or the other
-        built = (library, skipped)
+        built = (library, captures)
         cache.put(key, built)
     return built
 
@@ -337,9 +346,13 @@ def _is_library_file(path: str) -> bool:
     return Path(path).is_file() and Path(path).suffix.lower() != ".bvh"
 
 
-def _state_of_files(paths: tuple[str, ...]) -> FileStates:
+def _state_of_files(paths: tuple[str, ...], mapping: str) -> FileStates:
     """Changes when a file of the library changes. Raises SceneError for a path that is gone."""
     state = []
+    if mapping:
+        if not Path(mapping).is_file():
+            raise SceneError(f"The mapping file {mapping} is not there any more: choose another, or leave it empty.")
+        paths = (*paths, mapping)
     for path in map(Path, paths):
         if not path.exists():
             raise SceneError(

@@ -84,6 +84,14 @@ class OncueSettings(bpy.types.PropertyGroup):
         ],
         default="MISSING",
     )
+    mapping: StringProperty(
+        name="Mapping",
+        description="A file that says how the captures are to be read: joints, up axis, rate, labels; empty for what "
+        "lies beside them",
+        subtype="FILE_PATH",
+        options={"ANIMATABLE", *RELATIVE_PATHS},
+        default="",
+    )
     manifold: StringProperty(
         name="Manifold",
         description="File of the motion manifold that seats, hands and keys are fitted along; "

@@ -26,14 +26,14 @@ Notes = list[tuple[str, str]]
 
 def read_moving(
     context: bpy.types.Context, meshes: SceneMeshes, start_frame: int, metres_per_unit: float
-) -> tuple[np.ndarray, np.ndarray, tuple[MovingThing, ...], Notes]:
-    """The scene's positions and triangles without what moves, what moves, and (object, sentence) of what moves
-    otherwise than a solid thing does and was read as it stands at the first frame.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[MovingThing, ...], Notes]:
+    """The scene's positions, triangles and their owners without what moves, what moves, and (object, sentence) of what
+    moves otherwise than a solid thing does and was read as it stands at the first frame.
 
     Goes through the frames and comes back to the current one.
     """
     if not meshes.movable:
-        return meshes.positions, meshes.triangles, (), []
+        return meshes.positions, meshes.triangles, meshes.owners, (), []
     places = _matrices(context, meshes.movable, start_frame)
     moving, gone, notes = [], [], []
     positions = meshes.positions.copy()
@@ -55,8 +55,10 @@ def read_moving(
             continue
         gone.append(thing)
         moving.append(_moving_thing(meshes, thing, poses))
-    _, triangles = meshes.without(gone)
-    return positions, triangles, tuple(moving), notes
+    keep = np.ones(len(meshes.triangles), dtype=bool)
+    for thing in gone:
+        keep[thing.first_triangle : thing.end_triangle] = False
+    return positions, meshes.triangles[keep], meshes.owners[keep], tuple(moving), notes
 
 
 def _matrices(context: bpy.types.Context, things: list[Movable], start_frame: int) -> np.ndarray:

@@ -65,13 +65,9 @@ class SceneMeshes:
     skipped: list[tuple[str, str]] = field(default_factory=list)
     #: What may move by itself, each as it stands now and part of the triangles too.
     movable: list[Movable] = field(default_factory=list)
-
-    def without(self, moving: list[Movable]) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and triangles of all but these."""
-        keep = np.ones(len(self.triangles), dtype=bool)
-        for thing in moving:
-            keep[thing.first_triangle : thing.end_triangle] = False
-        return self.positions, self.triangles[keep]
+    #: The object of each triangle, by its place in `names`: uint32, shape (m,).
+    owners: np.ndarray = field(default_factory=lambda: np.empty(0, np.uint32))
+    names: list[str] = field(default_factory=list)
 
 
 def read_scene(
@@ -104,6 +100,8 @@ def _read_meshes(
     depsgraph = context.evaluated_depsgraph_get()
     positions, triangles, sizes, skipped, movable = [], [], [], [], []
     vertex_count, triangle_count, object_count = 0, 0, 0
+    names: list[str] = []
+    counts: list[int] = []
     may_be_moved: dict[bpy.types.Object, bool] = {}
     meshes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -143,6 +141,8 @@ def _read_meshes(
         if any(may_be_moved[owner] for owner in owners):
             part = (vertex_count, vertex_count + len(world), triangle_count, triangle_count + len(corners))
             movable.append(Movable(owners[-1].name, instance_key(owners[0], instance), matrix, *part))
+        names.append(owners[-1].name)
+        counts.append(len(corners))
         vertex_count += len(world)
         triangle_count += len(corners)
         sizes.append(float(np.ptp(world, axis=0).max()))
@@ -155,7 +155,8 @@ def _read_meshes(
             "Add a floor and furniture, or show what is hidden or excluded." + broken
         )
     joined = np.concatenate(positions), np.concatenate(triangles)
-    return SceneMeshes(*joined, object_count, sizes, skipped, movable)
+    of_triangles = np.repeat(np.arange(len(names), dtype=np.uint32), counts)
+    return SceneMeshes(*joined, object_count, sizes, skipped, movable, of_triangles, names)
 
 
 def _fault(world: np.ndarray, corners: np.ndarray) -> str | None:

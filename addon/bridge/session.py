@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import bpy
@@ -19,7 +19,7 @@ from ..errors import SceneError
 from ..motion import Motion
 from ..moving import meeting_sentences
 from ..pipeline import EditRequest, LibraryChoice, Outcome, Request
-from ..scene_frames import in_scene_frames
+from ..scene_frames import CORE_RATE, in_scene_frames
 from . import armature, character_reset, compat, file_state, pins
 from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
@@ -32,6 +32,8 @@ from .scene_time import frame_rate, may_move
 from .take import Take, keep_solved, solved_take
 from .what_counts import things_of
 
+#: A place that is no farther from a triangle lies on it, metres.
+ON_SURFACE = 0.003
 #: A cue that has moved or turned by less is where it was, metres and radians.
 SAME_PLACE = 1e-3
 
@@ -45,7 +47,15 @@ def library_choice(scene: bpy.types.Scene) -> LibraryChoice:
         if item.path.startswith("//") and not bpy.data.filepath:
             raise SceneError(f"{item.path} is relative to a file that was never saved: save it, or add the path again.")
         paths.append(str(Path(bpy.path.abspath(item.path)).resolve()))
-    return LibraryChoice(tuple(paths), scene.oncue.starter.lower())
+    return LibraryChoice(tuple(paths), scene.oncue.starter.lower(), mapping_path(scene))
+
+
+def mapping_path(scene: bpy.types.Scene) -> str:
+    """The captures' mapping file that the scene names, absolute; empty for none. Raises SceneError."""
+    path = scene.oncue.mapping.strip()
+    if path.startswith("//") and not bpy.data.filepath:
+        raise SceneError(f"{path} is relative to a file that was never saved: save it, or choose the mapping again.")
+    return str(Path(bpy.path.abspath(path)).resolve()) if path else ""
 
 
 def manifold_path(scene: bpy.types.Scene) -> str:
@@ -74,13 +84,15 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         metres_per_unit=settings.scene_scale,
         scale_confirmed=settings.scale_confirmed,
     )
-    positions, triangles = meshes.positions, meshes.triangles
+    positions, triangles, owners = meshes.positions, meshes.triangles, meshes.owners
     # What goes through the frames comes last: what was moved and not keyed is back at its keys afterwards.
     if hands:
         file_state.check_over_time(context, character)
         task, notes = at_first_frame(context, task, settings.start_frame, settings.scene_scale)
         manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale)
-        positions, triangles, moving, said = read_moving(context, meshes, settings.start_frame, settings.scene_scale)
+        positions, triangles, owners, moving, said = read_moving(
+            context, meshes, settings.start_frame, settings.scene_scale
+        )
         notes = [*notes, *said]
     if manipulations:
         task["manipulations"] = manipulations
@@ -97,6 +109,8 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         settings.start_frame,
         frame_rate(context.scene),
         moving,
+        owners,
+        tuple(meshes.names),
     )
     return request, [*meshes.skipped, *notes]
 
@@ -266,15 +280,50 @@ def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str
             "preset": request.preset,
             "overrides": request.overrides,
             "manifold": request.manifold,
-            "library": {"paths": list(request.library.paths), "starter": request.library.starter},
+            "library": {**asdict(request.library), "paths": list(request.library.paths)},
             "scene_triangles": len(request.triangles) + sum(len(thing.triangles) for thing in request.moving),
             "begins": begins,
+            "deepest": deepest_touch(request, report, begins),
             "moving": {"objects": [thing.name for thing in request.moving], **outcome.passing},
             "skipped_objects": [{"object": name, "reason": reason} for name, reason in skipped],
-            "skipped_files": [{"file": str(file), "reason": reason} for file, reason in outcome.skipped_files],
+            "captures": outcome.captures,
+            "skipped_files": [
+                {"file": capture["file"], "reason": capture["reason"] or ""}
+                for capture in outcome.captures
+                if not capture["clip"]
+            ],
             "seconds": outcome.seconds,
         },
     }
+
+
+def deepest_touch(request: Request, report: dict, begins: int) -> dict | None:
+    """Which part of the body is deepest in which object, on which of the scene's frames; None where none is deep."""
+    touches = ((report.get("body") or {}).get("scene") or {}).get("touches") or []
+    if not touches:
+        return None
+    touch = touches[0]
+    return {
+        "part": touch["part"],
+        "object": object_at(request, touch["place"]),
+        "depth_cm": touch["depth_cm"],
+        "frame": round(begins + touch["frame"] * request.scene_rate / CORE_RATE),
+    }
+
+
+def object_at(request: Request, place: list[float]) -> str:
+    """The object on whose surface a place lies, or an empty name where it is none that stands still."""
+    point = np.asarray(place, dtype=np.float64)
+    corners = request.positions[request.triangles]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    near = np.flatnonzero(((low - ON_SURFACE <= point) & (point <= high + ON_SURFACE)).all(axis=1))
+    if not len(near) or not len(request.owners):
+        return ""
+    a, b, c = (corners[near, k].astype(np.float64) for k in range(3))
+    normals = np.cross(b - a, c - a)
+    off = np.abs(((point - a) * normals).sum(axis=1)) / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
+    best = int(np.argmin(off))
+    return request.names[request.owners[near[best]]] if off[best] <= ON_SURFACE else ""
 
 
 def report_of(action: bpy.types.Action | None) -> dict | None:

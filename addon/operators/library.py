@@ -86,15 +86,37 @@ class ONCUE_OT_save_library(JobOperator, bpy.types.Operator):
         return library_steps(session.library_choice(context.scene), library_cache)
 
     def finish(self, _context: bpy.types.Context, value: BuiltLibrary) -> None:
-        library, skipped = value
+        library, captures = value
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(LIBRARY_SUFFIX)
         library.write(str(path))
         self.report({"INFO"}, f"{path.name}: {library.clip_count} clips, {library.frame_count / 1800:.1f} minutes.")
-        for file, reason in skipped:
-            self.report({"WARNING"}, f"{Path(file).name} was left out: {reason}")
+        for capture in captures:
+            if not capture["clip"]:
+                self.report({"WARNING"}, f"{Path(capture['file']).name} was left out: {capture['reason']}")
 
 
-CLASSES = (ONCUE_OT_add_library, ONCUE_OT_remove_library, ONCUE_OT_save_library)
+class ONCUE_OT_read_library(JobOperator, bpy.types.Operator):
+    """Read the files of the motion library, and list what each of them gives"""
+
+    bl_idname = "oncue.read_library"
+    bl_label = "Read Files"
+    title = "Reading the library"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return super().poll(context) and bool(context.scene.oncue.library_paths)
+
+    def begin(self, context: bpy.types.Context) -> Steps[BuiltLibrary]:
+        return library_steps(session.library_choice(context.scene), library_cache)
+
+    def finish(self, _context: bpy.types.Context, value: BuiltLibrary) -> None:
+        library, captures = value
+        used = sum(bool(capture["clip"]) for capture in captures)
+        minutes = library.frame_count / 1800
+        self.report({"INFO"}, f"{used} of {len(captures)} captures are used; the library has {minutes:.1f} minutes.")
+
+
+CLASSES = (ONCUE_OT_add_library, ONCUE_OT_remove_library, ONCUE_OT_save_library, ONCUE_OT_read_library)
 
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -45,7 +45,7 @@ class ONCUE_MT_motion(bpy.types.Menu):
             layout.operator(f"oncue.{name}")
         layout.operator("oncue.add_library", text="Add Motion Capture Files")
         layout.operator("oncue.add_library", text="Add Motion Capture Folder").folder = True
-        for name in ("save_library", "train_manifold"):
+        for name in ("read_library", "save_library", "train_manifold"):
             layout.operator(f"oncue.{name}")
 
 
