@@ -268,7 +268,8 @@ def write_outcome(
 def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) -> dict:
     """The core's report with what only Blender's side knows."""
     report, begins = outcome.synthesis.report, outcome.begins(request)
-    told = [in_scene_frames(problem, begins, request.scene_rate) for problem in report["problems"]]
+    named = with_objects(report["problems"], request, report)
+    told = [in_scene_frames(problem, begins, request.scene_rate) for problem in named]
     meetings = meeting_sentences(outcome.passing["meetings"], begins, request.scene_rate)
     return {
         **report,
@@ -309,6 +310,17 @@ def deepest_touch(request: Request, report: dict, begins: int) -> dict | None:
         "depth_cm": touch["depth_cm"],
         "frame": round(begins + touch["frame"] * request.scene_rate / CORE_RATE),
     }
+
+
+def with_objects(problems: list[str], request: Request, report: dict) -> list[str]:
+    """The core's sentences, which know places alone, with the objects that stand there."""
+    touches = ((report.get("body") or {}).get("scene") or {}).get("touches") or []
+    out = list(problems)
+    for touch in touches:
+        place = "what stands at {:.2f}, {:.2f}, {:.2f}".format(*touch["place"])
+        if any(place in problem for problem in out) and (name := object_at(request, touch["place"])):
+            out = [problem.replace(place, f"‘{name}’") for problem in out]
+    return out
 
 
 def object_at(request: Request, place: list[float]) -> str:

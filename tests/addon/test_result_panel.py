@@ -132,6 +132,17 @@ def test_the_deepest_touch_is_told_with_its_object_and_frame(oncue, context, req
     assert panels.deepest_line({"extension": {"deepest": None}}) is None
 
 
+def test_a_touch_is_told_with_its_object(oncue, request_):
+    session = oncue("bridge.session")
+    touch = {"part": "left_hand", "frame": 60, "depth_cm": 4.2, "place": [0.3, 1.2, 0.5]}
+    report = {"body": {"scene": {"touches": [touch, {**touch, "place": [9.0, 9.0, 9.0]}]}}}
+    said = "The left hand is 4 cm deep in what stands at 0.30, 1.20, 0.50 (frames 60 to 66)."
+    elsewhere = "The left hand is 4 cm deep in what stands at 9.00, 9.00, 9.00 (frames 60 to 66)."
+    expected = ["The left hand is 4 cm deep in ‘Table’ (frames 60 to 66).", elsewhere, "Cue 'A' was missed."]
+    assert session.with_objects([said, elsewhere, "Cue 'A' was missed."], request_, report) == expected
+    assert session.with_objects(["Cue 'A' was missed."], request_, {"body": None}) == ["Cue 'A' was missed."]
+
+
 def test_each_triangle_has_its_object(request_):
     owners = np.bincount(request_.owners, minlength=len(request_.names))
     assert request_.names == ("Floor", "Table", "Stool")

@@ -473,6 +473,8 @@ mod tests {
             assert!((HALF_FLOOR..HALF_FLOOR + PACE + 1e-3).contains(&place.dot(direction)), "{place}");
             assert!(place.distance(direction * place.dot(direction)) < 0.05);
             assert_eq!((episode.tally.touching, episode.tally.crossings), (0, 0));
+            // A walk that is played as it is hurries no leg.
+            assert_eq!((episode.tally.hurry, episode.tally.worst_hurry), (0.0, 0.0));
             close(episode.tally.travelled, place.distance(world.task.start.position.truncate()), 0.02);
         }
         let world = walker(&[], Planar::default());

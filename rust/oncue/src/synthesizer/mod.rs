@@ -433,6 +433,30 @@ mod tests {
     }
 
     #[test]
+    fn a_joint_goes_on_as_fast_as_it_turned() {
+        // Walking the spine turns to the left, a step of 0.3 of its limit a frame; in the arc to the right, half as fast.
+        let (joint, step) = (Joint::Spine1.index(), 0.3 * TURN);
+        let mut database = database().clone();
+        let (walk, arc) = (frame_of("walk", 0), frame_of("left", 0));
+        for i in 0..60 {
+            database.frames[walk + i].posture.rotations[joint] = Quat::from_rotation_z(step * i as f32);
+            database.frames[arc + i].posture.rotations[joint] = Quat::from_rotation_z(-0.5 * step * i as f32);
+        }
+        let mut character = Character::standing(&database, walk + 5, Planar::default(), 0.0);
+        let mut turned = |character: &mut Character| {
+            let before = character.posture.rotations[joint];
+            character.advance(&database, &NO_OFFSET);
+            to_angle_axis(character.posture.rotations[joint] * before.inverse()).z
+        };
+        close(turned(&mut character), step, 1e-4);
+        character.transition(&database, arc + 2);
+        close(turned(&mut character), step, 0.1 * step);
+        // In the end it turns as the arc has it.
+        let later: Vec<f32> = (0..45).map(|_| turned(&mut character)).collect();
+        close(later[44], -0.5 * step, 1e-4);
+    }
+
+    #[test]
     fn arms_turn_to_their_offset_no_faster_than_they_may() {
         let elbow = Joint::LeftForeArm.index();
         let wanted = [Vec3::ZERO, Vec3::Z * -0.8, Vec3::ZERO, Vec3::Z * 0.3];
