@@ -356,7 +356,7 @@ impl Signals {
                 * seat.rest
             + 0.006 * breath
             + 0.008 * calm
-            + 0.012 * self.walking(i) * drift(plan, t, [0.42, 0.85], [0, 6]);
+            + 0.012 * (self.speed[i].abs() / 0.8).min(1.0) * drift(plan, t, [0.42, 0.85], [0, 6]);
         let counter = 0.010 * self.lead[i] * style.pelvis;
         let side = (0.052 * shifted(&self.slow_load, i, -0.04) + 0.05 * self.sideways[i].clamp(-1.5, 1.5))
             * (1.0 - seat.down)

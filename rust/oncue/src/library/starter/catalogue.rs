@@ -344,9 +344,7 @@ fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) 
         seat.shift = rotate(p.yaw() + swivel.turn, Vec2::Y) * swivel.back;
         p.stand(start + SWIVEL_FROM * (end - start) - p.now());
         let count = (swivel.turn.abs() / 0.9).ceil() as usize;
-        // Who has to keep the knees apart has the feet under them.
-        let width = if swivel.spread > 0.0 { STANDING_WIDTH } else { 0.85 * p.style().seated.width };
-        p.swivel(swivel.turn, count, seated_legs(height, tuck).ankle_ahead, seat.shift, width);
+        p.swivel(swivel.turn, count, seated_legs(height, tuck).ankle_ahead, seat.shift);
         settled = settled.max(p.now() + SETTLE_SECONDS);
     } else if !seated_legs(height, tuck).hanging {
         if tuck > 0.0 {

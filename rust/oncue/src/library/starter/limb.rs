@@ -80,16 +80,18 @@ pub(super) struct Trunk([Capsule; 6]);
 impl Trunk {
     /// `joints`: place and rotation of hips, lower chest and upper chest.
     pub(super) fn new(joints: [(Vec3, Quat); 3]) -> Self {
-        const SHAPES: [(usize, [f32; 3], [f32; 3], [f32; 2]); 3] = [
-            (0, [0.044, 0.013, -0.02], [0.041, 0.012, 0.08], [0.115, 0.105]),
-            (1, [0.038, -0.011, -0.11], [0.042, -0.011, 0.06], [0.097, 0.106]),
-            (2, [0.045, -0.013, -0.05], [0.055, -0.008, 0.09], [0.112, 0.108]),
+        /// The left ones' ends in their joints' frames, and their radii.
+        const ENDS: [[[f32; 3]; 2]; 3] = [
+            [[0.044, 0.013, -0.02], [0.041, 0.012, 0.08]],
+            [[0.038, -0.011, -0.11], [0.042, -0.011, 0.06]],
+            [[0.045, -0.013, -0.05], [0.055, -0.008, 0.09]],
         ];
+        const RADII: [[f32; 2]; 3] = [[0.115, 0.105], [0.097, 0.106], [0.112, 0.108]];
         Self(std::array::from_fn(|k| {
-            let (joint, from, to, radii) = SHAPES[k / 2];
             let side = Vec3::new(if k % 2 == 0 { 1.0 } else { -1.0 }, 1.0, 1.0);
-            let (at, turned) = joints[joint];
-            Capsule { ends: [from, to].map(|end| at + turned * (Vec3::from(end) * side)), radii }
+            let (at, turned) = joints[k / 2];
+            let ends = ENDS[k / 2].map(|end| at + turned * (Vec3::from(end) * side));
+            Capsule { ends, radii: RADII[k / 2] }
         }))
     }
 

@@ -367,22 +367,21 @@ impl Planner {
     }
 
     /// Turns on the seat by `total` (radians, left positive) in `count` pairs of steps round the pelvis, the inner foot
-    /// first, which come to stand `width` apart. `radius`: ankles from the pelvis joint, metres; the pelvis moves by `shift`
-    /// meanwhile.
-    pub(super) fn swivel(
-        &mut self,
-        total: f32,
-        count: usize,
-        radius: f32,
-        shift: Vec2,
-        width: f32,
-    ) -> &mut Self {
+    /// first. `radius`: ankles from the pelvis joint, metres; the pelvis moves by `shift` meanwhile.
+    pub(super) fn swivel(&mut self, total: f32, count: usize, radius: f32, shift: Vec2) -> &mut Self {
         self.turn_in_pairs(total, count, |planner, turn| {
             let chord = rotate(turn, Vec2::NEG_Y) - Vec2::NEG_Y;
             // What the stride does to the body's frame, seen from half-way between both headings.
             let moved = rotate(-(planner.yaw + 0.5 * turn), shift) / (2 * count) as f32;
             let local = rotate(-0.5 * turn, radius * chord) + moved;
-            Stride { forward: -local.y, left: local.x, turn, width, swing: 0.40, double_support: 0.08 }
+            Stride {
+                forward: -local.y,
+                left: local.x,
+                turn,
+                width: STANDING_WIDTH,
+                swing: 0.40,
+                double_support: 0.08,
+            }
         })
     }
 
