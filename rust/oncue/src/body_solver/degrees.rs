@@ -287,6 +287,8 @@ fn most_turn(joint: Joint) -> f64 {
         LeftShoulder | RightShoulder => 0.35,
         LeftFoot | RightFoot => 0.7,
         LeftHand | RightHand => 1.3,
+        // From hanging to overhead, and turned about itself on the way.
+        LeftArm | RightArm => 3.05,
         _ => 2.8,
     }
 }

@@ -443,7 +443,7 @@ mod tests {
             database.frames[arc + i].posture.rotations[joint] = Quat::from_rotation_z(-0.5 * step * i as f32);
         }
         let mut character = Character::standing(&database, walk + 5, Planar::default(), 0.0);
-        let mut turned = |character: &mut Character| {
+        let turned = |character: &mut Character| {
             let before = character.posture.rotations[joint];
             character.advance(&database, &NO_OFFSET);
             to_angle_axis(character.posture.rotations[joint] * before.inverse()).z
