@@ -33,7 +33,9 @@ const ROOM: [Box3; 5] = [
 ];
 
 /// Start, its yaw, what to do, where, and the yaw there.
-const TASKS: [([f32; 2], f32, ActionType, [f32; 3], f32); 12] = [
+type Errand = ([f32; 2], f32, ActionType, [f32; 3], f32);
+
+const TASKS: [Errand; 12] = [
     ([0.2, -1.8], 2.0, ActionType::Sit, [0.0, 2.12, 0.55], 0.0),
     ([-2.5, 2.0], 0.0, ActionType::Sit, [0.4, 2.12, 0.55], 0.2),
     ([2.5, 0.5], -2.0, ActionType::Sit, [0.0, 2.12, 0.55], -0.2),
@@ -171,20 +173,18 @@ fn main() -> Result<(), AnyError> {
 const HEAD: &str = "flat: n heel cm (p90) ball swivel° >15° % | steps heel1st% toe-up° clear cm heel-up°";
 
 fn own_tasks() -> Vec<(String, String, Task)> {
-    let task =
-        |(i, (start, yaw, action_type, place, facing)): (usize, ([f32; 2], f32, ActionType, _, f32))| {
-            let start =
-                InitialState { name: "Start".into(), position: Vec3::new(start[0], start[1], 0.0), yaw };
-            let cue = ActionCue {
-                name: "Cue".into(),
-                action_type,
-                position: Vec3::from_array(place),
-                yaw: facing,
-                feet: [None; 2],
-            };
-            let name = format!("{action_type:?} {i}");
-            (name, String::new(), Task { start, cue, manipulations: Vec::new() })
+    let task = |(i, (start, yaw, action_type, place, facing)): (usize, Errand)| {
+        let start = InitialState { name: "Start".into(), position: Vec3::new(start[0], start[1], 0.0), yaw };
+        let cue = ActionCue {
+            name: "Cue".into(),
+            action_type,
+            position: Vec3::from_array(place),
+            yaw: facing,
+            feet: [None; 2],
         };
+        let name = format!("{action_type:?} {i}");
+        (name, String::new(), Task { start, cue, manipulations: Vec::new() })
+    };
     TASKS.into_iter().enumerate().map(task).collect()
 }
 
