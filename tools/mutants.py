@@ -38,6 +38,7 @@ SKIPPED = ["learns_a_bandit", "the_field_never_promises_too_much", "chunks_and_c
 PROFILE = "quick"
 #: A mutant that loops for ever is given up after so many seconds.
 TIMEOUT = 240
+BREAKS_HEADING = "Breaks by name:"
 #: What is said of a missed mutant that nobody has said anything of.
 UNSAID = "not looked at yet"
 
@@ -320,8 +321,12 @@ def summary(
     if not outcomes["MissedMutant"]:
         lines.append("None.")
     if breaks:
-        lines += ["", "Breaks by name:", "", "| break | |", "|---|---|"]
+        lines += ["", BREAKS_HEADING, "", "| break | |", "|---|---|"]
         lines += [f"| {name} | {'caught' if noticed else '**missed**'} |" for name, noticed in breaks.items()]
+    elif REPORT.is_file():
+        # Those of the last run that tried them.
+        lines += ["", *REPORT.read_text().partition(BREAKS_HEADING)[1:]]
+        lines[-2:] = "".join(lines[-2:]).rstrip().split("\n")
     return "\n".join(lines) + "\n"
 
 

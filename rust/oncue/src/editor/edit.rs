@@ -926,6 +926,12 @@ mod tests {
         close(f.mean_degrees.expect("facing"), (0.2 + std::f32::consts::TAU - 6.2).to_degrees() / 2.0, 1e-2);
         // Frames that the motion does not have count for nothing.
         assert_eq!(figures(hand(9, &[place, Vec3::ONE])).max_cm.map(|m| m < 1e-3), Some(true));
+        // Who faces 0.3 to the left and is asked for 0.1 lacks 0.2.
+        let mut turned_left = still(3);
+        turned_left.postures[2].rotations[0] = Quat::from_rotation_z(0.3);
+        let asked = Constraint { joint: Joint::Hips, facings: vec![0.1], ..hand(2, &[]) };
+        let f = constraint_figures(&asked, &turned_left);
+        close(f.max_degrees.expect("a facing"), 0.2f32.to_degrees(), 1e-2);
     }
 
     #[test]
