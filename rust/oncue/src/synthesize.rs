@@ -19,6 +19,7 @@ use crate::progress::Progress;
 use crate::report::{PolicySource, REPORT_VERSION, Report};
 use crate::scene::{SceneIndex, check_task, short_of_knee_room};
 use crate::settings::Settings;
+use crate::synthesizer::unhurried;
 
 /// A motion, its report, and the policy that played it.
 #[derive(Debug, Clone)]
@@ -88,12 +89,23 @@ pub fn synthesize_along(
     } else {
         None
     };
-    let complete = edited.as_ref().map_or(complete, |e| e.complete_frame);
+    let mut edited = edited;
+    let mut complete = edited.as_ref().map_or(complete, |e| e.complete_frame);
+    let mut action_from = kept.action_from;
+    // What the editor hurried is slowed down; hands that follow a cue keep its time.
+    if task.manipulations.is_empty()
+        && let Some(paced) = unhurried(&motion, &database.turns)
+    {
+        complete = paced.frame_of(complete);
+        action_from = action_from.map(|frame| paced.frame_of(frame));
+        motion = paced.motion;
+        edited.iter_mut().for_each(|e| e.complete_frame = complete);
+    }
     laps.done("edit");
 
     progress.stage("Measuring");
     let floor = task.start.position.z;
-    let seat = kept.action_from.zip(task.cue.seat_height());
+    let seat = action_from.zip(task.cue.seat_height());
     let cues: Vec<_> = residual(&task.cue, &motion, complete).into_iter().collect();
     let foot = foot_figures(&motion, floor);
     let ignore = settings.reward.ignore_below;
