@@ -38,9 +38,36 @@ def current_frame_kept(scene: bpy.types.Scene) -> Iterator[None]:
         scene.frame_set(frame, subframe=subframe)
 
 
-def may_move(thing: bpy.types.Object, *, own_action: bool = True) -> bool:
+#: Modifiers by which a mesh may be another on each frame, whatever else there is; so may one that names an object.
+TIMED = {
+    "BUILD",
+    "CLOTH",
+    "DISPLACE",
+    "DYNAMIC_PAINT",
+    "EXPLODE",
+    "FLUID",
+    "MESH_CACHE",
+    "MESH_SEQUENCE_CACHE",
+    "OCEAN",
+    "PARTICLE_INSTANCE",
+    "SOFT_BODY",
+    "WARP",
+    "WAVE",
+}
+#: Nodes by which geometry nodes may be.
+TIMED_NODES = {
+    "GeometryNodeCollectionInfo",
+    "GeometryNodeInputSceneTime",
+    "GeometryNodeObjectInfo",
+    "GeometryNodeSelfObject",
+    "GeometryNodeSimulationOutput",
+}
+
+
+def may_move(thing: bpy.types.Object, *, own_action: bool = True, by_bones: bool = False) -> bool:
     """Whether something animates where an object stands: itself, what it hangs on, or constraints. Cheap; may be wrong
-    only where it says yes."""
+    only where it says yes. With `by_bones` also what the bones of an armature that it hangs on are constrained to.
+    """
     seen = set()
     todo = [(thing, own_action)]
     while todo:
@@ -55,6 +82,9 @@ def may_move(thing: bpy.types.Object, *, own_action: bool = True) -> bool:
             if tracks or len(data.drivers) or any(map(_varies, played)):
                 return True
         constraints = [c for c in one.constraints if not c.mute and c.influence > 0.0]
+        if by_bones and one.pose is not None:
+            bent = [c for bone in one.pose.bones for c in bone.constraints if not c.mute and c.influence > 0.0]
+            constraints += [c for c in bent if getattr(c, "target", None) is not None or c.type == "ARMATURE"]
         targets = [getattr(c, "target", None) for c in constraints]
         if any(target is None for target in targets):
             return True
@@ -67,6 +97,47 @@ def may_move(thing: bpy.types.Object, *, own_action: bool = True) -> bool:
 def _varies(curve: bpy.types.FCurve) -> bool:
     values = [point.co.y for point in curve.keyframe_points]
     return bool(curve.modifiers) or (len(values) > 1 and max(values) - min(values) > 1e-6)
+
+
+def may_deform(thing: bpy.types.Object) -> bool:
+    """Whether the mesh of an object may have another shape on another frame. Cheap; may be wrong only where it says
+    yes."""
+    data = thing.data
+    keys = getattr(data, "shape_keys", None)
+    if any(one is not None and one.animation_data is not None for one in (data, keys)):
+        return True
+    shown = [modifier for modifier in thing.modifiers if modifier.show_viewport]
+    return any(_varies_mesh(modifier) for modifier in shown) or (bool(thing.modifiers) and _keys_modifiers(thing))
+
+
+def _varies_mesh(modifier: bpy.types.Modifier) -> bool:
+    if modifier.type == "NODES":
+        return modifier.node_group is not None and _varies_nodes(modifier.node_group, set())
+    pointers = [prop.identifier for prop in modifier.bl_rna.properties if prop.type == "POINTER"]
+    return modifier.type in TIMED or any(isinstance(getattr(modifier, p), bpy.types.Object) for p in pointers)
+
+
+def _varies_nodes(tree: bpy.types.NodeTree, seen: set[bpy.types.NodeTree]) -> bool:
+    if tree in seen:
+        return False
+    seen.add(tree)
+    groups = [node.node_tree for node in tree.nodes if node.type == "GROUP" and node.node_tree is not None]
+    return (
+        tree.animation_data is not None
+        or any(node.bl_idname in TIMED_NODES for node in tree.nodes)
+        or any(_varies_nodes(group, seen) for group in groups)
+    )
+
+
+def _keys_modifiers(thing: bpy.types.Object) -> bool:
+    """Whether keys or drivers of an object reach its modifiers."""
+    data = thing.animation_data
+    if data is None:
+        return False
+    curves = [*data.drivers, *(compat.action_curves(data.action, thing) if data.action is not None else [])]
+    return any(len(track.strips) for track in data.nla_tracks) or any(
+        curve.data_path.startswith("modifiers[") for curve in curves
+    )
 
 
 def moving(context: bpy.types.Context, things: list[bpy.types.Object], first_frame: int) -> list[bpy.types.Object]:

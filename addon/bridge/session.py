@@ -285,7 +285,7 @@ def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str
             "scene_triangles": len(request.triangles) + sum(len(thing.triangles) for thing in request.moving),
             "begins": begins,
             "deepest": deepest_touch(request, report, begins),
-            "moving": {"objects": [thing.name for thing in request.moving], **outcome.passing},
+            "moving": {"objects": list(dict.fromkeys(thing.name for thing in request.moving)), **outcome.passing},
             "skipped_objects": [{"object": name, "reason": reason} for name, reason in skipped],
             "captures": outcome.captures,
             "skipped_files": [
