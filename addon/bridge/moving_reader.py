@@ -87,6 +87,16 @@ def read_moving(
     return positions, meshes.triangles[keep], meshes.owners[keep], tuple(moving), notes
 
 
+def taken_as_it_stands(context: bpy.types.Context, meshes: SceneMeshes) -> Notes:
+    """What is said where nobody goes through the frames: all that may move was read at the current one."""
+    names = list(dict.fromkeys(thing.name for thing in meshes.movable))
+    if not names:
+        return []
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    said = f"{', '.join(names[:3])}{more} may move: taken as all stands at frame {_current(context)}, on every frame."
+    return [(names[0], said)]
+
+
 def _current(context: bpy.types.Context) -> str:
     return f"{context.scene.frame_current_final:g}"
 

@@ -99,22 +99,30 @@ def _varies(curve: bpy.types.FCurve) -> bool:
     return bool(curve.modifiers) or (len(values) > 1 and max(values) - min(values) > 1e-6)
 
 
-def may_deform(thing: bpy.types.Object) -> bool:
+def may_deform(thing: bpy.types.Object, seen: frozenset[bpy.types.Object] = frozenset()) -> bool:
     """Whether the mesh of an object may have another shape on another frame. Cheap; may be wrong only where it says
-    yes."""
-    data = thing.data
+    yes. `seen`: what was asked already."""
+    if thing in seen:
+        return False
+    seen, data = seen | {thing}, thing.data
     keys = getattr(data, "shape_keys", None)
     if any(one is not None and one.animation_data is not None for one in (data, keys)):
         return True
     shown = [modifier for modifier in thing.modifiers if modifier.show_viewport]
-    return any(_varies_mesh(modifier) for modifier in shown) or (bool(thing.modifiers) and _keys_modifiers(thing))
+    if any(_varies_mesh(thing, modifier, seen) for modifier in shown):
+        return True
+    return bool(thing.modifiers) and _keys_modifiers(thing)
 
 
-def _varies_mesh(modifier: bpy.types.Modifier) -> bool:
+def _varies_mesh(thing: bpy.types.Object, modifier: bpy.types.Modifier, seen: frozenset[bpy.types.Object]) -> bool:
     if modifier.type == "NODES":
         return modifier.node_group is not None and _varies_nodes(modifier.node_group, set())
+    if modifier.type in TIMED:
+        return True
     pointers = [prop.identifier for prop in modifier.bl_rna.properties if prop.type == "POINTER"]
-    return modifier.type in TIMED or any(isinstance(getattr(modifier, p), bpy.types.Object) for p in pointers)
+    named = [one for one in (getattr(modifier, p) for p in pointers) if isinstance(one, bpy.types.Object)]
+    # A mesh that is moved past what its modifier names is bent by that too.
+    return any(may_move(one, by_bones=True) or may_deform(one, seen) for one in [thing, *named] if named)
 
 
 def _varies_nodes(tree: bpy.types.NodeTree, seen: set[bpy.types.NodeTree]) -> bool:

@@ -25,7 +25,7 @@ from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
 from .cue_reader import ENDS, FEET, at_first_frame, read_task, visible_cues
 from .hand_reader import read_manipulations
-from .moving_reader import read_moving
+from .moving_reader import read_moving, taken_as_it_stands
 from .names import CHARACTER_KEY, REPORT_KEY
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
@@ -94,6 +94,8 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
             context, meshes, settings.start_frame, settings.scene_scale
         )
         notes = [*notes, *said]
+    else:
+        notes = taken_as_it_stands(context, meshes)
     if manipulations:
         task["manipulations"] = manipulations
     overrides = read_overrides(settings.overrides)

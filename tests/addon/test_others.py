@@ -270,6 +270,19 @@ def test_what_is_too_fine_to_be_followed_is_named_with_the_frame(oncue, monkeypa
     assert request.positions[request.triangles[of_blind]][..., 2].min() == pytest.approx(2.1, abs=1e-3)
 
 
+def test_where_nobody_goes_through_the_frames_it_is_said_what_may_move(oncue):
+    doorway(oncue)
+    own(oncue)
+    read = oncue("bridge.session").read_request
+    assert read(bpy.context, hands=False)[1] == []
+    walks(person(oncue, "Other", (-1, -2, 0)), [(1, 0), (50, 1.5)])
+    blind([(1, 0), (20, 1)])
+    bpy.context.scene.frame_set(7)
+    request, notes = read(bpy.context, hands=False)
+    assert request.moving == ()
+    assert [said for _, said in notes] == ["Other, Blind may move: taken as all stands at frame 7, on every frame."]
+
+
 def test_a_fine_mesh_is_followed_by_fewer_corners(oncue):
     simplified, cell = oncue("bridge.moving_reader").simplified, oncue("bridge.moving_reader").CELL
     n = 80
@@ -293,6 +306,7 @@ def test_a_fine_mesh_is_followed_by_fewer_corners(oncue):
     both = np.concatenate([up, up[:, ::-1] + n * n]).astype(np.uint32)
     kept, fewer = simplified(np.concatenate([sheet, sheet + np.array([0, 0, 0.004])]).astype(np.float32), both)
     below = kept < n * n
+    assert 0 < below.sum() < len(kept)
     assert (below[fewer].all(axis=1) | ~below[fewer].any(axis=1)).all()
 
 
