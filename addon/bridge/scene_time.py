@@ -81,6 +81,8 @@ def may_move(thing: bpy.types.Object, *, own_action: bool = True, by_bones: bool
             played = compat.action_curves(data.action, one) if with_action and data.action is not None else []
             if tracks or len(data.drivers) or any(map(_varies, played)):
                 return True
+        if _is_simulated_body(one):
+            return True
         constraints = [c for c in one.constraints if not c.mute and c.influence > 0.0]
         if by_bones and one.pose is not None:
             bent = [c for bone in one.pose.bones for c in bone.constraints if not c.mute and c.influence > 0.0]
@@ -97,6 +99,19 @@ def may_move(thing: bpy.types.Object, *, own_action: bool = True, by_bones: bool
 def _varies(curve: bpy.types.FCurve) -> bool:
     values = [point.co.y for point in curve.keyframe_points]
     return bool(curve.modifiers) or (len(values) > 1 and max(values) - min(values) > 1e-6)
+
+
+def _is_simulated_body(thing: bpy.types.Object) -> bool:
+    body = thing.rigid_body
+    return body is not None and body.type == "ACTIVE" and body.enabled and not body.kinematic
+
+
+def is_simulated_unbaked(thing: bpy.types.Object, scene: bpy.types.Scene) -> bool:
+    """Whether a simulation moves or deforms an object that only frames in their order show: it has no bake."""
+    caches = [m.point_cache for m in thing.modifiers if m.type in {"CLOTH", "SOFT_BODY"} and m.show_viewport]
+    if _is_simulated_body(thing) and scene.rigidbody_world is not None and scene.rigidbody_world.enabled:
+        caches.append(scene.rigidbody_world.point_cache)
+    return any(cache is not None and not cache.is_baked for cache in caches)
 
 
 def may_deform(thing: bpy.types.Object, seen: frozenset[bpy.types.Object] = frozenset()) -> bool:

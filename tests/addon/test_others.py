@@ -270,6 +270,32 @@ def test_what_is_too_fine_to_be_followed_is_named_with_the_frame(oncue, monkeypa
     assert request.positions[request.triangles[of_blind]][..., 2].min() == pytest.approx(2.1, abs=1e-3)
 
 
+@pytest.mark.parametrize("how", ["cloth", "rigid body"])
+def test_a_simulation_is_read_once_it_is_baked_and_named_before(oncue, how):
+    doorway(oncue)
+    scene = bpy.context.scene
+    scene.frame_end = 30
+    sheet = box("Sheet", (0.5, 0.5, 0.02), (1.5, 2, 1.8))
+    if how == "cloth":
+        sheet.modifiers.new("Cloth", "CLOTH").point_cache.frame_end = 30
+    else:
+        bpy.ops.rigidbody.world_add()
+        scene.rigidbody_world.collection = bpy.data.collections.new("Bodies")
+        scene.rigidbody_world.collection.objects.link(sheet)
+        scene.rigidbody_world.point_cache.frame_end = 30
+    request, notes = request_of(oncue)
+    said = "Sheet is simulated and not baked, and may stand otherwise than it was read: bake it first."
+    assert ("Sheet", said) in notes
+    with bpy.context.temp_override(scene=scene):
+        bpy.ops.ptcache.bake_all(bake=True)
+    request, notes = request_of(oncue)
+    assert notes == []
+    (thing,) = request.moving
+    assert thing.name == "Sheet"
+    # It falls.
+    assert thing.at(20)[:, 2].mean() < thing.at(0)[:, 2].mean() - 0.3
+
+
 def test_where_nobody_goes_through_the_frames_it_is_said_what_may_move(oncue):
     doorway(oncue)
     own(oncue)
