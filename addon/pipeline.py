@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from .errors import SceneError
 from .log import logger
 from .motion import Motion
-from .moving import Mesh, MovingThing, joined, nothing_met, stands
+from .moving import Mesh, Thing, by_object, joined, nothing_met, stands
 from .native import core
 from .policy_cache import PolicyCache
 from .scene_frames import CORE_RATE, told_in_scene_frames
@@ -70,7 +70,7 @@ class Request:
     start_frame: int = 0
     scene_rate: float = CORE_RATE
     #: What moves in the scene by itself; not among the triangles.
-    moving: tuple[MovingThing, ...] = ()
+    moving: tuple[Thing, ...] = ()
     #: The object of each triangle, by its place in `names`.
     owners: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, np.uint32))
     names: tuple[str, ...] = ()
@@ -196,12 +196,12 @@ def _passing_steps(request: Request, synthesis: core.Synthesis) -> Steps[core.Pa
         np.asarray(synthesis.root_positions),
         np.asarray(synthesis.rotations),
         np.asarray(synthesis.contacts),
-        [thing.for_core() for thing in request.moving],
+        [one for thing in request.moving for one in thing.for_core()],
         request.task["start"]["position"][2],
         hands,
         0 if hands else MOST_WAIT,
     )
-    return (yield from finish(job))
+    return by_object((yield from finish(job)))
 
 
 def _shortfall(made: tuple[core.Synthesis, core.Passing]) -> tuple[bool, int]:
@@ -214,8 +214,9 @@ def _because_it_moves(error: Exception, request: Request) -> Exception:
     """What the scene was refused for, with what moves in it."""
     if not request.moving:
         return error
-    names = ", ".join(f"‘{thing.name}’" for thing in request.moving[:3])
-    more = f" and {len(request.moving) - 3} more" if len(request.moving) > 3 else ""
+    found = list(dict.fromkeys(thing.name for thing in request.moving))
+    names = ", ".join(f"‘{name}’" for name in found[:3])
+    more = f" and {len(found) - 3} more" if len(found) > 3 else ""
     return SceneError(
         f"{error} What moves ({names}{more}) was taken as it stands at the first frame, and elsewhere too."
     )

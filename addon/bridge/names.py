@@ -11,7 +11,8 @@ CUE_KEY = "oncue_cue"
 FIRST_FRAME_KEY, LAST_FRAME_KEY = "oncue_first_frame", "oncue_last_frame"
 #: On a start cue: the yaw that its button gave it, radians; one that the artist has turned since stays as it is.
 GIVEN_YAW_KEY = "oncue_given_yaw"
-#: On the armature and the meshes of the character: they are no part of the scene.
+#: On the armature and the meshes of a character: no part of the scene where it is the one that is moved, and in the way
+#: as another person where it is not. A mesh that carries it without an armature is no obstacle.
 CHARACTER_KEY = "oncue_character"
 #: On any object that the character may walk through.
 EXCLUDE_KEY = "oncue_exclude"

@@ -2,7 +2,8 @@
 """The evaluated meshes of the scene → one array of world triangles, for the core's scene index.
 
 Modifiers, instances (collections, geometry nodes) and world transforms are in, and a mesh in edit mode as it is edited;
-the persons and what belongs to them, the cues, what the view hides, shown as wire or bounds, or excluded, is left out.
+the character that is moved and what belongs to it, the cues, what the view hides, shown as wire or bounds, or excluded,
+is left out.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from ..errors import ScaleError, SceneError
 from .cue_reader import ENDS, visible_cues
 from .edit_mode import copies_outside
-from .scene_time import may_move
+from .scene_time import is_simulated_unbaked, may_deform, may_move
 from .what_counts import Furniture
 
 #: A scene wider than this is hardly modelled in metres.
@@ -30,7 +31,8 @@ LOOKED_AT_CLOSELY = 100_000
 
 @dataclass(frozen=True)
 class Movable:
-    """A mesh of the scene that something may move: its part of the arrays, and what tells its instance from others."""
+    """A mesh of the scene that something may move or deform: its part of the arrays, and what tells its instance from
+    others."""
 
     name: str
     key: tuple
@@ -40,6 +42,8 @@ class Movable:
     end_vertex: int
     first_triangle: int
     end_triangle: int
+    #: Whether its corners may lie otherwise in the object on another frame.
+    may_deform: bool = False
 
 
 def instance_key(thing: bpy.types.Object, instance: bpy.types.DepsgraphObjectInstance) -> tuple:
@@ -102,7 +106,8 @@ def _read_meshes(
     vertex_count, triangle_count, object_count = 0, 0, 0
     names: list[str] = []
     counts: list[int] = []
-    may_be_moved: dict[bpy.types.Object, bool] = {}
+    #: Object → whether it may move, and whether it may deform.
+    may_change: dict[bpy.types.Object, tuple[bool, bool]] = {}
     meshes: dict[int, tuple[np.ndarray, np.ndarray]] = {}
 
     for instance in depsgraph.object_instances:
@@ -136,12 +141,17 @@ def _read_meshes(
         positions.append(world)
         triangles.append(corners + np.uint32(vertex_count))
         for owner in owners:
-            if owner not in may_be_moved:
-                may_be_moved[owner] = may_move(owner)
-        if any(may_be_moved[owner] for owner in owners):
+            if owner not in may_change:
+                may_change[owner] = may_move(owner, by_bones=True), may_deform(owner)
+                if is_simulated_unbaked(owner, context.scene):
+                    said = "is simulated and not baked, and may stand otherwise than it was read: bake it first."
+                    skipped.append((owner.name, f"{owner.name} {said}"))
+        moves, deforms = (any(may_change[owner][k] for owner in owners) for k in (0, 1))
+        shown_name = furniture.other_person(owners) or owners[-1].name
+        if moves or deforms:
             part = (vertex_count, vertex_count + len(world), triangle_count, triangle_count + len(corners))
-            movable.append(Movable(owners[-1].name, instance_key(owners[0], instance), matrix, *part))
-        names.append(owners[-1].name)
+            movable.append(Movable(shown_name, instance_key(owners[0], instance), matrix, *part, deforms))
+        names.append(shown_name)
         counts.append(len(corners))
         vertex_count += len(world)
         triangle_count += len(corners)
@@ -226,13 +236,20 @@ def _read_mesh(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Local positions (n, 3) float32 and triangles (m, 3) uint32 of an evaluated mesh."""
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
-    positions = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+    positions = corners_of(mesh)
     if not count or not len(positions):
         return np.empty((0, 3), np.float32), np.empty((0, 3), np.uint32)
-    mesh.attributes["position"].data.foreach_get("vector", positions)
     # Reading the triangles' loops and looking the vertices up is faster than reading the vertices.
     loops = np.empty(count * 3, dtype=np.int32)
     mesh.loop_triangles.foreach_get("loops", loops)
     corner_vertices = np.empty(len(mesh.loops), dtype=np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertices)
-    return positions.reshape(-1, 3), corner_vertices[loops].astype(np.uint32).reshape(-1, 3)
+    return positions, corner_vertices[loops].astype(np.uint32).reshape(-1, 3)
+
+
+def corners_of(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Local positions of an evaluated mesh's vertices, (n, 3) float32; none of a mesh in edit mode."""
+    positions = np.empty((len(mesh.vertices), 3), dtype=np.float32)
+    if len(positions):
+        mesh.attributes["position"].data.foreach_get("vector", positions.reshape(-1))
+    return positions

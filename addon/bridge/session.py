@@ -25,7 +25,7 @@ from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
 from .cue_reader import ENDS, FEET, at_first_frame, read_task, visible_cues
 from .hand_reader import read_manipulations
-from .moving_reader import read_moving
+from .moving_reader import read_moving, taken_as_it_stands
 from .names import CHARACTER_KEY, REPORT_KEY
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
@@ -94,6 +94,8 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
             context, meshes, settings.start_frame, settings.scene_scale
         )
         notes = [*notes, *said]
+    else:
+        notes = taken_as_it_stands(context, meshes)
     if manipulations:
         task["manipulations"] = manipulations
     overrides = read_overrides(settings.overrides)
@@ -285,7 +287,7 @@ def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str
             "scene_triangles": len(request.triangles) + sum(len(thing.triangles) for thing in request.moving),
             "begins": begins,
             "deepest": deepest_touch(request, report, begins),
-            "moving": {"objects": [thing.name for thing in request.moving], **outcome.passing},
+            "moving": {"objects": list(dict.fromkeys(thing.name for thing in request.moving)), **outcome.passing},
             "skipped_objects": [{"object": name, "reason": reason} for name, reason in skipped],
             "captures": outcome.captures,
             "skipped_files": [

@@ -6,6 +6,8 @@ from __future__ import annotations
 import bpy
 from mathutils import Vector
 
+from .. import native
+from .armature import find_character
 from .names import CHARACTER_KEY, CUE_KEY, EXCLUDE_KEY
 
 #: Constraints that hang an object on their target, as a parent does.
@@ -27,7 +29,10 @@ def is_shown(thing: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
 
 
 class Furniture:
-    """Tells the scene's things from the persons, their belongings, the cues and what the artist left out."""
+    """Tells the scene's things from the character that is moved, its belongings, the cues and what was left out.
+
+    Other persons, with what belongs to them, stand in the way as furniture does.
+    """
 
     def __init__(self, context: bpy.types.Context, exclude: bpy.types.Collection | None = None) -> None:
         # Scripts read scenes without the extension: then nothing was chosen.
@@ -35,9 +40,11 @@ class Furniture:
         self._view_layer = context.view_layer
         exclude = exclude or (settings.exclude if settings else None)
         self._left_out = set(exclude.all_objects) if exclude else set()
-        self._chosen = settings.character if settings else None
-        #: Object → whether it is a person's. What is being found out counts as nobody's, so that circles end.
-        self._of_persons: dict[bpy.types.Object, bool] = {}
+        self._own = settings.character if settings else None
+        if not native.MISSING:
+            self._own = find_character(context.scene, native.core.skeleton()) or self._own
+        #: Object → the persons whose it is. What is being found out counts as nobody's, so that circles end.
+        self._persons: dict[bpy.types.Object, frozenset[bpy.types.Object]] = {}
 
     def counts(self, owners: list[bpy.types.Object]) -> bool:
         """Whether a mesh is furniture: `owners` are its object and, of an instance, at last what instances it.
@@ -48,24 +55,41 @@ class Furniture:
 
     def is_of_person(self, thing: bpy.types.Object) -> bool:
         """Whether it is a character or hangs on one: by parents, an armature's deformation or a constraint."""
-        known = self._of_persons.get(thing)
-        if known is None:
-            self._of_persons[thing] = False
-            known = self._of_persons[thing] = self._is_person(thing) or any(map(self.is_of_person, carriers(thing)))
-        return known
+        return bool(self._persons_of(thing))
+
+    def other_person(self, owners: list[bpy.types.Object]) -> str | None:
+        """The name of the other person that a mesh, as `counts` has it, belongs to, or None."""
+        names = {person.name for owner in owners for person in self._persons_of(owner) if person != self._own}
+        return min(names, default=None)
 
     def is_left_out(self, thing: bpy.types.Object) -> bool:
-        """Whether the character may walk through it: persons and cues, outlines, and what the artist says."""
+        """Whether the character may walk through it: itself and its own, cues, outlines, and what the artist says."""
         return (
             thing in self._left_out
             or thing.get(CUE_KEY) is not None
             or bool(thing.get(EXCLUDE_KEY))
             or thing.display_type in OUTLINES
-            or self.is_of_person(thing)
+            or self._is_own(thing)
         )
 
-    def _is_person(self, thing: bpy.types.Object) -> bool:
-        return thing == self._chosen or thing.get(CHARACTER_KEY) is not None
+    def _is_own(self, thing: bpy.types.Object) -> bool:
+        """Whether it is the character's, or of a skin or another mesh that carries the key without an armature."""
+        persons = self._persons_of(thing)
+        return self._own in persons or any(person.type != "ARMATURE" for person in persons)
+
+    def _persons_of(self, thing: bpy.types.Object) -> frozenset[bpy.types.Object]:
+        known = self._persons.get(thing)
+        if known is None:
+            self._persons[thing] = frozenset()
+            keyed = thing.get(CHARACTER_KEY) is not None
+            if thing == self._own or (keyed and thing.type == "ARMATURE"):
+                known = frozenset([thing])
+            else:
+                known = frozenset().union(*map(self._persons_of, carriers(thing)))
+                if keyed and not known:
+                    known = frozenset([thing])
+            self._persons[thing] = known
+        return known
 
 
 def carriers(thing: bpy.types.Object) -> list[bpy.types.Object]:
