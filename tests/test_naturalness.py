@@ -119,23 +119,23 @@ def test_segments_of_walking_that_follow_on_each_other_are_one_span():
 
 
 def test_trembling_arms_are_told_and_named():
-    calm, trembling = seen(walk(k) for k in range(40)), seen(walk(100 + k, 0.15) for k in range(40))
-    row = naturalness.compared(calm, trembling, BODY.names, seed=1, draws=3)
+    calm, trembling = seen(walk(k) for k in range(30)), seen(walk(100 + k, 0.15) for k in range(30))
+    row = naturalness.compared(calm, trembling, BODY.names, seed=1)
     assert row["auc"] > 0.95
     names = [name for name, _, _ in row["telling"]]
     assert len(names) == naturalness.TELLING
     assert all("Arm" in name or "Hand" in name for name in names[:5]), names
     # The same forest finds nothing where labels say nothing, and nothing between two halves of the calm.
     assert 0.35 < np.mean(row["shuffled"]) < 0.65
-    assert 0.3 < np.mean(row["halves"]) < 0.7
+    assert 0.3 < np.mean(naturalness.halves(calm, 1)) < 0.7
 
 
 def test_walks_of_one_kind_are_not_told_apart():
     areas = [
         naturalness.told_apart(
-            seen(walk(1000 * draw + k) for k in range(40)), seen(walk(1000 * draw + 500 + k) for k in range(40)), draw
+            seen(walk(1000 * draw + k) for k in range(30)), seen(walk(1000 * draw + 500 + k) for k in range(30)), draw
         )[0]
-        for draw in range(3)
+        for draw in range(2)
     ]
     assert 0.35 < np.mean(areas) < 0.65, areas
 

@@ -45,6 +45,8 @@ class Bench:
     seed: int
     quick: bool
     say: Callable[[str], None]
+    #: Of each room, for naturalness; None for all.
+    most_tasks: int | None = None
 
     def key(self, experiment: str, library: str, **what: Any) -> dict[str, Any]:
         from_what = {"experiment": experiment, "library": self.libraries[library].checksum, "seed": self.seed}

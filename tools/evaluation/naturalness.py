@@ -28,7 +28,7 @@ Floats = windows.Floats
 
 TREES, LEAF, FOLDS = 200, 2, 5
 #: How often the labels are dealt out anew, and the library is halved.
-DRAWS, QUICK_DRAWS = 10, 3
+DRAWS = 3
 #: How many features are named.
 TELLING = 10
 #: What a library calls those of its clips' stretches in which one walks.
@@ -93,22 +93,24 @@ def shuffled(one: Windows, other: Windows, seed: int) -> float:
     return out_of_fold(features, dealt[np.searchsorted(clips, clip)], clip, seed)[0]
 
 
-def halves(one: Windows, seed: int) -> float:
-    """The area between two halves of the clips."""
-    clips = np.random.default_rng(seed).permutation(np.unique(one.clip))
-    middle = len(clips) // 2
-    return told_apart(one.only(clips[:middle]), one.only(clips[middle:]), seed)[0]
+def halves(one: Windows, seed: int) -> list[float]:
+    """The areas between two halves of the clips, halved again and again; none of clips too few to be halved."""
+    found = []
+    for draw in range(DRAWS if one.clips >= 4 else 0):
+        clips = np.random.default_rng(seed + draw).permutation(np.unique(one.clip))
+        middle = len(clips) // 2
+        found.append(told_apart(one.only(clips[:middle]), one.only(clips[middle:]), seed + draw)[0])
+    return found
 
 
-def compared(one: Windows, other: Windows, names: list[str], seed: int, draws: int) -> Row:
-    """How well two sets are told apart, the nulls beside it, and the features that tell most with both medians."""
+def compared(one: Windows, other: Windows, names: list[str], seed: int) -> Row:
+    """How well two sets are told apart, and with shuffled labels, and what tells most with both medians."""
     area, importance = told_apart(one, other, seed)
     telling = np.argsort(-importance, kind="stable")[:TELLING]
     medians = np.median(one.features, axis=0), np.median(other.features, axis=0)
     return {
         "auc": area,
-        "shuffled": [shuffled(one, other, seed + draw) for draw in range(draws)],
-        "halves": [halves(one, seed + draw) for draw in range(draws)] if one.clips >= 4 else [],
+        "shuffled": [shuffled(one, other, seed + draw) for draw in range(DRAWS)],
         "telling": [(names[k], float(medians[0][k]), float(medians[1][k])) for k in telling],
     }
 
@@ -156,7 +158,7 @@ def synthesized_windows(bench: Bench, body: windows.Body, library: str) -> dict[
     walks, sits = [], []
     for name in bench.rooms.names[: 2 if bench.quick else None]:
         scene = bench.rooms.scene(name)
-        for number, task in enumerate(scene.tasks[: 2 if bench.quick else None], 1):
+        for number, task in enumerate(scene.tasks[: 2 if bench.quick else bench.most_tasks], 1):
 
             def make(scene=scene, task=task) -> Row:
                 try:
@@ -209,6 +211,7 @@ def naturalness(bench: Bench) -> Iterator[Row]:
     held: Callable[[str, str], dict[str, Windows]] = functools.cache(
         lambda name, source: library_windows(body, bench.libraries[name], source)
     )
+    halved = functools.cache(lambda clips, what: halves(held(*clips)[what], bench.seed))
     for comparison in comparisons(bench.libraries):
         one, other = held(*comparison.clips)[comparison.what], made[comparison.library][comparison.what]
         row: Row = {
@@ -220,6 +223,7 @@ def naturalness(bench: Bench) -> Iterator[Row]:
         }
         # Two folds are the least that leave something out.
         if one.clips >= 2 and other.clips >= 2:
-            row |= compared(one, other, body.names, bench.seed, QUICK_DRAWS if bench.quick else DRAWS)
+            row |= compared(one, other, body.names, bench.seed)
+            row["halves"] = halved(comparison.clips, comparison.what)
             bench.say(f"{comparison.what}, {comparison.library} against {comparison.called}: AUC {row['auc']:.2f}")
         yield row
