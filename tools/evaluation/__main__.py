@@ -33,6 +33,7 @@ def main() -> int:
     parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES)
     parser.add_argument("--quick", action="store_true", help="a few tasks, under 5 minutes")
     parser.add_argument("--tasks", type=int, help="of each room, for naturalness: the first so many (default: all)")
+    parser.add_argument("--rooms", nargs="+", help="for naturalness: these rooms alone (default: all)")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
 
@@ -51,6 +52,7 @@ def main() -> int:
         options.quick,
         lambda line: print(line, flush=True),
         options.tasks,
+        options.rooms,
     )
     docs = options.docs or options.out
     drawn = docs / "pictures"
@@ -100,6 +102,7 @@ def _made(options: argparse.Namespace) -> str:
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
     words = "".join(f" --only {' '.join(options.only)}" if options.only != NAMES else "")
     words += f" --tasks {options.tasks}" if options.tasks else ""
+    words += f" --rooms {' '.join(options.rooms)}" if options.rooms else ""
     command = f"python3 -m nox -s evaluate --{' --quick' if options.quick else ''}{words} --seed {options.seed}"
     return f"{today}, {machine}, oncue {oncue_core.__version__}. Made by `{command}`"
 

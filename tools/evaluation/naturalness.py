@@ -157,6 +157,8 @@ def synthesized_windows(bench: Bench, body: windows.Body, library: str) -> dict[
 
     walks, sits = [], []
     for name in bench.rooms.names[: 2 if bench.quick else None]:
+        if bench.only_rooms and name not in bench.only_rooms:
+            continue
         scene = bench.rooms.scene(name)
         for number, task in enumerate(scene.tasks[: 2 if bench.quick else bench.most_tasks], 1):
 
