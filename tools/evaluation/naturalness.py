@@ -28,7 +28,9 @@ Floats = windows.Floats
 
 TREES, LEAF, FOLDS = 200, 2, 5
 #: How often the labels are dealt out anew, and the library is halved.
-DRAWS = 3
+DRAWS = 2
+#: Less than this is no motion: cm or cm/s.
+STILL = 0.01
 #: How many features are named.
 TELLING = 10
 #: What a library calls those of its clips' stretches in which one walks.
@@ -55,6 +57,14 @@ class Windows(NamedTuple):
     def only(self, clips: np.ndarray) -> Windows:
         kept = np.isin(self.clip, clips)
         return Windows(self.features[kept], self.clip[kept])
+
+
+def moving(*sets: Windows) -> np.ndarray:
+    """The features that move in all of the sets, by more than STILL in half of the windows.
+
+    A bone that a library never bends is how its captures were read, and would tell all by itself.
+    """
+    return np.flatnonzero(np.all([np.median(one.features, axis=0) > STILL for one in sets], axis=0))
 
 
 def out_of_fold(features: Floats, labels: np.ndarray, clip: np.ndarray, seed: int) -> tuple[float, Floats]:
@@ -96,6 +106,7 @@ def shuffled(one: Windows, other: Windows, seed: int) -> float:
 def halves(one: Windows, seed: int) -> list[float]:
     """The areas between two halves of the clips, halved again and again; none of clips too few to be halved."""
     found = []
+    one = one._replace(features=one.features[:, moving(one)])
     for draw in range(DRAWS if one.clips >= 4 else 0):
         clips = np.random.default_rng(seed + draw).permutation(np.unique(one.clip))
         middle = len(clips) // 2
@@ -105,6 +116,9 @@ def halves(one: Windows, seed: int) -> list[float]:
 
 def compared(one: Windows, other: Windows, names: list[str], seed: int) -> Row:
     """How well two sets are told apart, and with shuffled labels, and what tells most with both medians."""
+    kept = moving(one, other)
+    one, other = (each._replace(features=each.features[:, kept]) for each in (one, other))
+    names = [names[k] for k in kept]
     area, importance = told_apart(one, other, seed)
     telling = np.argsort(-importance, kind="stable")[:TELLING]
     medians = np.median(one.features, axis=0), np.median(other.features, axis=0)
