@@ -33,8 +33,10 @@ MATURIN = ["maturin==1.16.0"]
 ZIG = ["ziglang==0.17.1"]
 CARGO_DENY = "0.20.2"
 LINTERS = ["ruff==0.17.6", "mypy==2.4.1", "numpy==2.4.6", "pytest==9.2.0", "nox"]
-EVALUATION = ["numpy==2.4.6", "trimesh==5.2.0", "matplotlib==3.11.2"]
-CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6"]
+#: Tells synthesized motion from captured; the product never sees it.
+CLASSIFIER = ["scikit-learn==1.9.1", "scipy==1.17.1"]
+EVALUATION = ["numpy==2.4.6", "trimesh==5.2.0", "matplotlib==3.11.2", *CLASSIFIER]
+CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6", *CLASSIFIER]
 #: A crash or a hang in Blender's exit must not hold the run.
 BLENDER_TESTS = ["pytest==9.2.0", "pytest-timeout==2.4.0"]
 #: What breaks the core for `mutants`; not in CI.

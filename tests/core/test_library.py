@@ -3,6 +3,7 @@
 import math
 import time
 
+import numpy as np
 import oncue_core
 import pytest
 from oncue_core import Cancelled, DataFileError, InputError, Library
@@ -91,9 +92,36 @@ def test_a_clip_goes_out_as_a_bvh_and_comes_back(library, tmp_path):
             assert abs(heights) < 1.5, "centimetres"
 
 
-def test_clips_that_are_not_there_cannot_be_written(library, tmp_path):
+def test_a_clip_comes_as_arrays_with_what_happens_in_it(library):
+    counted = 0
+    for number, name in enumerate(library.clip_names):
+        clip = library.clip(number)
+        frames = len(clip["root_positions"])
+        counted += frames
+        assert (clip["name"], clip["source"]) == (name, "mocap")
+        assert clip["mirrored"] == name.endswith("(mirrored)")
+        assert clip["root_positions"].shape == (frames, 3)
+        assert clip["rotations"].shape == (frames, 22, 4)
+        assert clip["contacts"].shape == (frames, 2)
+        assert np.linalg.norm(clip["rotations"], axis=-1) == pytest.approx(1, abs=1e-4)
+        # Metres a second at 30 Hz, as the captures were made.
+        path = np.linalg.norm(np.diff(clip["root_positions"][:, :2], axis=0), axis=1).sum()
+        assert path * 30 / (frames - 1) == pytest.approx(1.2 if "brisk" in name else 0.6, rel=0.05)
+        ends = [0, *(part["end"] for part in clip["segments"])]
+        for part, before in zip(clip["segments"], ends, strict=False):
+            assert before <= part["first"] <= part["complete"] < part["end"] <= frames
+    assert counted == library.frame_count
+    made = Library.starter()
+    labels = {part["label"] for k in range(made.clip_count) for part in made.clip(k)["segments"]}
+    assert {"walk", "sit", "seated_idle", "stand_up"} <= labels
+    assert {made.clip(k)["source"] for k in range(made.clip_count)} == {"procedural"}
+
+
+def test_clips_that_are_not_there_cannot_be_had(library, tmp_path):
     with pytest.raises(InputError, match="4 clips; none has the number 4"):
         library.write_bvh(4, tmp_path / "none.bvh")
+    with pytest.raises(InputError, match="4 clips; none has the number 4"):
+        library.clip(4)
     with pytest.raises(OSError, match="nowhere"):
         library.write_bvh(0, tmp_path / "nowhere" / "walk.bvh")
     assert list(tmp_path.iterdir()) == []

@@ -103,6 +103,7 @@ def test_a_report_has_what_its_type_says(learnt, played):
 def test_every_other_dict_has_what_its_type_says(bench_scene, library, played, tmp_path):
     check(oncue_core.skeleton(), oncue_core.Skeleton)
     check(library.summary(), oncue_core.Summary)
+    check(library.clip(0), oncue_core.Clip)
     check(library.foot_figures(), oncue_core.FootFigures)
     check(library.body_figures(), oncue_core.BodyFigures)
     shipped = oncue_core.Manifold.shipped().figures

@@ -1,5 +1,7 @@
 """`python3 -m nox -s evaluate -- [--quick] [--only NAME …] [--shared FOLDER] [--out FOLDER] [--docs FOLDER]`
 
+With `--only` the other sections of a page that is there stay as they are.
+
 Resumable: what is in `--out` is not measured again. `--quick` measures a few tasks, and fails where fewer than asked
 meet their cue: counts, no times.
 """
@@ -15,11 +17,11 @@ from pathlib import Path
 
 import oncue_core
 
-from . import editing, experiments, pictures, report
+from . import editing, experiments, naturalness, page, pictures, report
 from .scenes import Rooms, read_libraries
 from .store import Store
 
-NAMES = ("tasks", "sequences", "ablations", "robustness", "time", "editing")
+NAMES = ("tasks", "sequences", "ablations", "robustness", "time", "editing", "naturalness")
 
 
 def main() -> int:
@@ -30,6 +32,8 @@ def main() -> int:
     parser.add_argument("--blender", help="a Python with bpy and oncue_core, which draws the editor's pictures")
     parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES)
     parser.add_argument("--quick", action="store_true", help="a few tasks, under 5 minutes")
+    parser.add_argument("--tasks", type=int, help="of each room, for naturalness: the first so many (default: all)")
+    parser.add_argument("--rooms", nargs="+", help="for naturalness: these rooms alone (default: all)")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
 
@@ -47,6 +51,8 @@ def main() -> int:
         options.seed,
         options.quick,
         lambda line: print(line, flush=True),
+        options.tasks,
+        options.rooms,
     )
     docs = options.docs or options.out
     drawn = docs / "pictures"
@@ -73,26 +79,37 @@ def main() -> int:
         if options.blender and shared and not options.quick:
             pictures.draw(options.blender, shared / "data", options.out, drawn, bench.say)
         sections.append(report.editing_section(seats, openings, drawn))
+    if "naturalness" in options.only:
+        sections.append(report.naturalness_section(list(naturalness.naturalness(bench))))
     docs.mkdir(parents=True, exist_ok=True)
-    page = docs / "evaluation.md"
-    page.write_text("\n\n".join([_head(options), *sections]) + "\n", encoding="utf-8")
-    print(f"wrote {page}")
+    file = docs / "evaluation.md"
+    if file.is_file() and options.only != NAMES:
+        anew = [page.stamped(section, _made(options)) for section in sections]
+        text = page.replaced(file.read_text(encoding="utf-8"), anew)
+    else:
+        text = "\n\n".join([_head(options), *sections]) + "\n"
+    file.write_text(text, encoding="utf-8")
+    print(f"wrote {file}")
     if options.quick and len(missed) > 1:
         print(f"{len(missed)} cues were missed", file=sys.stderr)
         return 1
     return 0
 
 
-def _head(options: argparse.Namespace) -> str:
+def _made(options: argparse.Namespace) -> str:
+    """When, where and by which command."""
     today = datetime.date.today().isoformat()
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
     words = "".join(f" --only {' '.join(options.only)}" if options.only != NAMES else "")
+    words += f" --tasks {options.tasks}" if options.tasks else ""
+    words += f" --rooms {' '.join(options.rooms)}" if options.rooms else ""
     command = f"python3 -m nox -s evaluate --{' --quick' if options.quick else ''}{words} --seed {options.seed}"
-    return (
-        "# Evaluation\n\n"
-        f"{today}, {machine}, oncue {oncue_core.__version__}. Made by `{command}`; the paper's figures are those of "
-        "Lee and Joo, ICCV 2023, on other rooms and motion capture."
-    )
+    return f"{today}, {machine}, oncue {oncue_core.__version__}. Made by `{command}`"
+
+
+def _head(options: argparse.Namespace) -> str:
+    paper = "the paper's figures are those of Lee and Joo, ICCV 2023, on other rooms and motion capture."
+    return f"# Evaluation\n\n{_made(options)}; {paper}"
 
 
 if __name__ == "__main__":

@@ -45,6 +45,9 @@ class Bench:
     seed: int
     quick: bool
     say: Callable[[str], None]
+    #: For naturalness: the first so many tasks of these rooms; None for all.
+    most_tasks: int | None = None
+    only_rooms: list[str] | None = None
 
     def key(self, experiment: str, library: str, **what: Any) -> dict[str, Any]:
         from_what = {"experiment": experiment, "library": self.libraries[library].checksum, "seed": self.seed}

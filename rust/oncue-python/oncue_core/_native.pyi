@@ -12,6 +12,7 @@ from .types import (
     ActionCue,
     BodyFigures,
     Capture,
+    Clip,
     Constraint,
     EditFigures,
     FootFigures,
@@ -109,6 +110,8 @@ class Library:
     @property
     def clip_names(self) -> list[str]:
         """The clips' names, in their order: a file's stem, or what the starter library calls it."""
+    def clip(self, clip: int) -> Clip:
+        """Clip number `clip`: its motion, and what happens in it. InputError for a number that no clip has."""
     def write_bvh(self, clip: int, path: str | os.PathLike[str]) -> None:
         """Writes clip number `clip` as a .bvh file; an earlier one stays as it was until the new one is whole.
 

@@ -335,6 +335,35 @@ class SummaryRow(TypedDict):
     shortfall: str | None
 
 
+class Segment(TypedDict):
+    """Frames `first` to `end` (not included) of a clip, and what happens in them.
+
+    `label`: "walk", "idle", "sit", "seated_idle", "stand_up", "stop" or "other". `complete`: the frame on which one is
+    seated, has risen or stands still; the last one where nothing is completed.
+    """
+
+    label: str
+    first: int
+    end: int
+    complete: int
+
+
+class Clip(TypedDict):
+    """A clip of a library, on the unified skeleton at 30 frames a second; the floor is at z = 0.
+
+    `source`: "mocap" or "procedural". `mirrored`: whether left and right are exchanged. The arrays are those of a
+    `Synthesis`: float32 (frames, 3), metres; (frames, 22, 4), w first; (frames, 2).
+    """
+
+    name: str
+    source: str
+    mirrored: bool
+    root_positions: NDArray[np.float32]
+    rotations: NDArray[np.float32]
+    contacts: NDArray[np.float32]
+    segments: list[Segment]
+
+
 class Capture(TypedDict):
     """What a motion capture file gave to a library.
 

@@ -13,6 +13,7 @@ use pyo3::types::PyDict;
 
 use crate::job::{self, Job};
 use crate::json;
+use crate::motion::{MotionArrays, to_arrays};
 
 /// Clips to match against, on the unified skeleton at 30 Hz. Immutable.
 #[pyclass(frozen, module = "oncue_core")]
@@ -109,6 +110,21 @@ impl Library {
     #[getter]
     fn clip_names(&self) -> Vec<&str> {
         self.inner.clips.iter().map(|clip| clip.name.as_str()).collect()
+    }
+
+    /// Clip number `clip`: its motion as a synthesis gives one, and what happens in it.
+    fn clip<'py>(&self, py: Python<'py>, clip: usize) -> PyResult<Bound<'py, PyDict>> {
+        let found = job::run(py, || self.inner.clip(clip))?;
+        let MotionArrays { root_positions, rotations, contacts } = to_arrays(py, &found.motion)?;
+        let out = PyDict::new(py);
+        out.set_item("name", &found.name)?;
+        out.set_item("source", json::to_python(py, &found.source)?)?;
+        out.set_item("mirrored", found.mirrored)?;
+        out.set_item("root_positions", root_positions)?;
+        out.set_item("rotations", rotations)?;
+        out.set_item("contacts", contacts)?;
+        out.set_item("segments", json::to_python(py, &found.segments)?)?;
+        Ok(out)
     }
 
     /// Writes clip number `clip` as a .bvh file; an earlier one stays as it was until the new one is whole.

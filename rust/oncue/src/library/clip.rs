@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::action::ActionLabel;
+use crate::error::{Error, Result};
 use crate::motion::Motion;
 
 /// Frames `first..end` of a clip, with what happens in them. Segments of a clip do not overlap.
@@ -68,6 +69,16 @@ pub struct MotionLibrary {
 }
 
 impl MotionLibrary {
+    /// Clip number `clip`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is no such clip.
+    pub fn clip(&self, clip: usize) -> Result<&Clip> {
+        self.clips.get(clip).ok_or_else(|| {
+            Error::input(format!("The library has {} clips; none has the number {clip}.", self.clips.len()))
+        })
+    }
+
     /// Total frames over all clips.
     pub fn frame_count(&self) -> usize {
         self.clips.iter().map(|c| c.motion.len()).sum()

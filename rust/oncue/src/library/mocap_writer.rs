@@ -54,10 +54,7 @@ impl MotionLibrary {
     /// # Errors
     /// [`Error::Input`] where there is no such clip or it cannot be written, [`Error::Io`].
     pub fn write_bvh(&self, clip: usize, path: &Path) -> Result<()> {
-        let found = self.clips.get(clip).ok_or_else(|| {
-            Error::input(format!("The library has {} clips; none has the number {clip}.", self.clips.len()))
-        })?;
-        write_whole(path, to_bvh(&found.motion)?.as_bytes())
+        write_whole(path, to_bvh(&self.clip(clip)?.motion)?.as_bytes())
     }
 }
 
