@@ -70,7 +70,7 @@ class FakeHost:
 def logic(oncue, monkeypatch):
     """A follower with a scene that is indexed, and everything around it."""
     live, jobs, clock = oncue("live"), [], Clock()
-    report = {"policy_source": "prior", "success": True, "problems": []}
+    report = {"policy_source": "prior", "success": True, "problems": [], "cues": [{"met": True}]}
 
     def world_steps(request, _cache, _policies, before):
         same = before is not None and np.array_equal(request.positions, before.request.positions)
