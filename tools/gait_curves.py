@@ -147,9 +147,7 @@ def strides(path: Path) -> list[tuple[float, dict[str, np.ndarray]]]:
             "pelvis turn": sign * turn(across),
             "pelvis list": np.degrees(np.arctan2(sign * across[:, 2], np.linalg.norm(across[:, :2], axis=1))),
             "shoulder turn": sign * turn(shoulders),
-            "shoulder list": np.degrees(
-                np.arctan2(sign * shoulders[:, 2], np.linalg.norm(shoulders[:, :2], axis=1))
-            ),
+            "shoulder list": np.degrees(np.arctan2(sign * shoulders[:, 2], np.linalg.norm(shoulders[:, :2], axis=1))),
             "upper arm": swing(me["elbow"] - me["shoulder"]),
             "forearm": swing(me["wrist"] - me["elbow"]),
             "wrist ahead": 100 * dot(me["wrist"] - pelvis, ahead),
