@@ -1,5 +1,5 @@
 //! Runs the main job on the tasks of a `rooms.tsv` and prints a table; with `--out` also writes each motion
-//! and report as JSON.
+//! and report as JSON. At the end stands what an eye would see in all of them together (`body` in docs/report.md).
 //!
 //! `cargo run --release --example rooms -- FOLDER [--task ROOM[:N]]… [--library FILE_OR_FOLDER]… [--seed N]
 //! [--settings JSON] [--out FOLDER]`
@@ -12,6 +12,7 @@ use std::time::Instant;
 
 use oncue::MotionDatabase;
 use oncue::library::LibrarySettings;
+use oncue::report::Report;
 use oncue::scene::SceneIndex;
 use oncue::{MotionLibrary, Progress, Settings, synthesize};
 
@@ -60,6 +61,7 @@ fn main() -> Result<(), AnyError> {
     println!(
         "room:task                                seconds index updates  cm     deg  skate contact pen%  body%  path/shortest  kept"
     );
+    let mut seen = Seen::default();
     let mut scene: Option<(String, SceneIndex)> = None;
     for row in common::rooms::read(&a.folder) {
         let name = format!("{}:{}", row.room, row.number);
@@ -78,6 +80,7 @@ fn main() -> Result<(), AnyError> {
             Err(error) => println!("{name:40} {error}"),
             Ok(done) => {
                 let r = &done.report;
+                seen.add(r);
                 let c = &r.cues[0];
                 println!(
                     "{name:40} {:6.1} {indexed:5.2} {:5} {:6.1} {:6.1} {:6.2} {:6.2} {:5.1} {:6.1} {:5.1}/{:4.1}  {}/{} {}",
@@ -111,7 +114,42 @@ fn main() -> Result<(), AnyError> {
             }
         }
     }
+    seen.print();
     Ok(())
+}
+
+/// What an eye sees in the motions together.
+#[derive(Default)]
+struct Seen {
+    motions: usize,
+    successes: usize,
+    /// Motions in which a limb is ever deeper than 1 cm in the own body.
+    in_own_body: usize,
+    /// Percent of the frames: own body, joints beyond their limits, body in the scene; summed over the motions.
+    percent: [f32; 3],
+    worst_scene: f32,
+}
+
+impl Seen {
+    fn add(&mut self, report: &Report) {
+        let body = &report.body;
+        let scene = body.scene.as_ref().map_or(0.0, |s| s.over_1_cm_percent);
+        self.motions += 1;
+        self.successes += usize::from(report.success);
+        self.in_own_body += usize::from(body.own_body.percent > 0.0);
+        self.worst_scene = self.worst_scene.max(scene);
+        let shown = [body.own_body.percent, body.joint_limits.percent, scene];
+        self.percent.iter_mut().zip(shown).for_each(|(sum, percent)| *sum += percent);
+    }
+
+    fn print(&self) {
+        let [own, joints, scene] = self.percent.map(|sum| sum / self.motions.max(1) as f32);
+        println!(
+            "{} motions, {} a success; a limb over 1 cm in the own body in {} of them, {own:.2} % of the frames; joints beyond \
+             their limits {joints:.2} %; over 1 cm in the scene {scene:.2} %, worst {:.1} %",
+            self.motions, self.successes, self.in_own_body, self.worst_scene
+        );
+    }
 }
 
 /// A library file is read as it is; anything else is built, the starter library filling in what it lacks.
