@@ -182,7 +182,8 @@ def synthesized_windows(bench: Bench, body: windows.Body, library: str) -> dict[
                 except oncue_core.InputError as error:
                     return {"problem": str(error), "walks": [], "sits": []}
                 arrays, floor = (motion.root_positions, motion.rotations), scene.index.floor_height
-                seated = [cue["frame"] for cue in motion.report["cues"] if cue["action_type"] == "sit"]
+                edited = motion.report["edited"]
+                seated = [edited["complete_frame"]] if edited and edited["seat"] else []
                 walked = body.walks(*arrays, [(0, len(arrays[0]))], floor)
                 return {"walks": np.array(walked).tolist(), "sits": np.array(body.sits(*arrays, seated)).tolist()}
 
