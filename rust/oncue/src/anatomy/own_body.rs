@@ -92,13 +92,15 @@ fn in_one_another(
     deep: f32,
 ) -> impl Iterator<Item = OwnContact> {
     let capsules = body_capsules(pose);
-    let balls = capsules.map(|(_, c)| {
-        let middle = 0.5 * (c.ends[0] + c.ends[1]);
-        (middle, 0.5 * c.ends[0].distance(c.ends[1]) + c.radii[0].max(c.radii[1]))
+    // A limb's axis in a box: most limbs hang beside the others, and their boxes are apart.
+    let boxes = capsules.map(|(part, c)| {
+        let reach = c.radii[0].max(c.radii[1]) - part.gives();
+        (c.ends[0].min(c.ends[1]), c.ends[0].max(c.ends[1]), reach)
     });
     pairs.iter().filter_map(move |&(i, j)| {
-        let reach = balls[i].1 + balls[j].1 - deep.min(0.0);
-        if balls[i].0.distance_squared(balls[j].0) > reach * reach {
+        let ((low, high, reach), (other_low, other_high, other_reach)) = (boxes[i], boxes[j]);
+        let apart = (low - other_high).max(other_low - high).max_element();
+        if apart > reach + other_reach - deep {
             return None;
         }
         let ((one, first), (other, second)) = (capsules[i], capsules[j]);

@@ -107,6 +107,8 @@ pub struct Episode {
     trail: Vec<Vec2>,
     /// Where the next search for the action may begin: the last one's find, played on.
     likely_action: Option<usize>,
+    /// How tight it is beside the arms where the next decision begins, if that was looked at already.
+    pub(super) tightness: Option<[f32; 2]>,
     /// Frame at which the sit or stop was entered.
     pub action_from: Option<usize>,
     /// The motion, if it is recorded.
@@ -148,6 +150,7 @@ impl Environment<'_> {
             collisions: [1.0; 5],
             trail: vec![start.position],
             likely_action: None,
+            tightness: None,
             action_from: None,
             record: None,
         }
@@ -229,6 +232,7 @@ impl Environment<'_> {
         let mut means = Means::default();
         let mut frames = 0;
         let mut end = None;
+        let mut known = episode.tightness.take();
         let everywhere = settings.synthesizer.offset_everywhere;
         let mut tightness = if everywhere { [1.0; 2] } else { [0.0; 2] };
         while end.is_none() {
@@ -250,7 +254,7 @@ impl Environment<'_> {
                 && frames % settings.synthesizer.search_every == 0
                 && *offset != PostureOffset::default()
             {
-                tightness = self.tightness(&episode.character);
+                tightness = known.take().unwrap_or_else(|| self.tightness(&episode.character));
             }
             // Where an arm has room it hangs and swings as people's do.
             let offset = std::array::from_fn(|joint| offset[joint] * (fade * tightness[joint / 2]));
@@ -363,16 +367,18 @@ impl Environment<'_> {
         let velocity = here.direction_to_world(character.velocity());
         [ARM_ASIDE, -ARM_ASIDE].map(|aside| {
             let aside = here.direction_to_world(Vec2::new(aside, 0.0));
-            let deepest = AHEAD
-                .iter()
-                .filter_map(|seconds| {
-                    let place = here.position + velocity * *seconds + aside;
-                    let ends = [ARM_HEIGHTS.0, ARM_HEIGHTS.1].map(|height| place.extend(floor + height));
-                    let space = Capsule { ends, radii: [ARM_SPACE; 2] };
-                    self.scene.depth_of(&space, floor + self.settings.reward.ignore_below)
-                })
-                .map(|contact| contact.depth)
-                .fold(0.0, f32::max);
+            let mut deepest = 0f32;
+            for seconds in AHEAD {
+                let place = here.position + velocity * seconds + aside;
+                let ends = [ARM_HEIGHTS.0, ARM_HEIGHTS.1].map(|height| place.extend(floor + height));
+                let space = Capsule { ends, radii: [ARM_SPACE; 2] };
+                let contact = self.scene.depth_of(&space, floor + self.settings.reward.ignore_below);
+                deepest = deepest.max(contact.map_or(0.0, |contact| contact.depth));
+                // It gets no tighter.
+                if deepest >= TIGHT {
+                    break;
+                }
+            }
             (deepest / TIGHT).min(1.0)
         })
     }

@@ -219,7 +219,7 @@ fn spare_arms(
 /// free nearly everywhere, so the policy by itself varies them too little for a rollout to take them past.
 fn vary_arms(
     environment: &Environment,
-    episode: &Episode,
+    episode: &mut Episode,
     last: Option<&Draw>,
     mean: &mut [f32],
     log_std: &mut [f32],
@@ -230,6 +230,7 @@ fn vary_arms(
         return;
     }
     let tightness = environment.tightness(&episode.character);
+    episode.tightness = Some(tightness);
     let first = settings.signal.future_size();
     for (side, tight) in tightness.into_iter().enumerate() {
         let least = (tight * wanted / settings.signal.offset_scale).ln();
@@ -540,10 +541,10 @@ mod tests {
         let last = Draw { action_type: 0, vector: vec![1.0; offset + 12], log_probability: 0.0 };
         let varied = |world: &World, last: Option<&Draw>| {
             let environment = world.environment();
-            let episode = environment.begin(&mut Pcg64::seed_from_u64(1));
+            let mut episode = environment.begin(&mut Pcg64::seed_from_u64(1));
             let mut mean = vec![0.2; TYPE_COUNT + offset + 12];
             let mut log_std = vec![-5.0; offset + 12];
-            vary_arms(&environment, &episode, last, &mut mean, &mut log_std);
+            vary_arms(&environment, &mut episode, last, &mut mean, &mut log_std);
             (environment.tightness(&episode.character), mean, log_std)
         };
         let ([left, right], mean, log_std) = varied(&world, Some(&last));

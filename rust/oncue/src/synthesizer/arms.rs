@@ -47,7 +47,6 @@ fn turn_arm(side: usize, posture: &mut Posture, pose: &mut Pose, offset: [Vec3; 
     let bend = hinge * (wanted.clamp(straight, bent) - flexion).to_radians();
     let chest = posture.rotations[collar_bone];
     let farthest = shoulder_beyond(side, chest * clip[0]).max(0.0) + NO_FARTHER;
-    let deepest = arm_depth(pose, side) + NO_DEEPER;
     let mut taken = |share: f32| {
         let turns = [from_angle_axis(offset[0] * share), from_angle_axis(bend * share)];
         posture.rotations[arm] = (clip[0] * turns[0]).normalize();
@@ -55,18 +54,23 @@ fn turn_arm(side: usize, posture: &mut Posture, pose: &mut Pose, offset: [Vec3; 
         for joint in [arm, forearm, hand] {
             pose.place(posture, joint);
         }
-        let fits = shoulder_beyond(side, chest * posture.rotations[arm]) <= farthest
-            && arm_depth(pose, side) <= deepest;
-        (turns, fits)
+        let is_possible = shoulder_beyond(side, chest * posture.rotations[arm]) <= farthest;
+        (turns, is_possible, arm_depth(pose, side))
     };
-    let (turns, fits) = taken(1.0);
-    if fits {
+    let (turns, is_possible, depth) = taken(1.0);
+    if is_possible && depth <= NO_DEEPER {
         return turns;
+    }
+    // What is in the body has to be compared with the clip's own arm.
+    let deepest = taken(0.0).2 + NO_DEEPER;
+    if is_possible && depth <= deepest {
+        return taken(1.0).0;
     }
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
-        if taken(middle).1 { low = middle } else { high = middle }
+        let (_, is_possible, depth) = taken(middle);
+        if is_possible && depth <= deepest { low = middle } else { high = middle }
     }
     taken(low).0
 }
