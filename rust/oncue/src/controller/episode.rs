@@ -86,7 +86,7 @@ pub struct Tally {
     pub travelled: f32,
     /// Squared radians of posture offset, summed.
     pub offset: f32,
-    /// Frames in which a limb is deeper than [`DEEP`] in the own body, beyond what flesh gives.
+    /// Frames in which a limb is more than 1 cm deep in the own body, beyond what flesh gives.
     pub in_own_body: usize,
     /// How deep the deepest limb is in the own body, summed over the frames, metres.
     pub own_depth: f32,
