@@ -92,7 +92,9 @@ def test_a_report_has_what_its_type_says(learnt, played):
     # Nothing was empty that should have been looked into.
     assert learnt.report["curve"]
     assert learnt.report["cues"]
-    assert played.report["penetration"]["parts_percent"] or played.report["success"]
+    penetration = played.report["penetration"]
+    assert bool(penetration["parts_percent"]) == (penetration["whole_body_percent"] > 0)
+    assert bool(played.report["problems"]) != played.report["success"]
     edited = played.report["edited"]
     assert edited is not None
     assert edited["seat"], edited
