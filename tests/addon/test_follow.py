@@ -196,9 +196,9 @@ def test_a_missed_cue_is_offered_a_full_run_once_it_rests(logic):
     assert logic.follower.line == f"Not met here: press Synthesize. {missed}"
     # What else is wrong with a motion that meets its cue is told as it is.
     touch = "The left hand is 4 cm deep in the pelvis (frames 20 to 23)."
-    for problems in ([touch], []):
+    for place, problems in ((2, [touch]), (3, [])):
         logic.report.update(success=not problems, problems=problems, cues=[{"met": True}])
-        logic.move(2)
+        logic.move(place)
         logic.finish()
         logic.clock.now += 1.0
         logic.follower.tick()
