@@ -6,7 +6,10 @@
 
 #[path = "../tests/common/mod.rs"]
 mod common;
+#[path = "common/feet_row.rs"]
+mod feet_row;
 
+use feet_row::feet_row;
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
@@ -195,24 +198,7 @@ fn pool(name: &str, motion: Motion) -> MotionLibrary {
 }
 
 fn row(motions: &MotionLibrary) -> String {
-    let feet = motions.body_figures().feet;
-    let (flat, steps) = (&feet.flat, &feet.steps);
-    let some = |value: Option<f32>| value.map_or("–".to_owned(), |v| format!("{v:.1}"));
-    format!(
-        "{:4} {:.1} ({:.1}) {:.1} ({:.1}) {:4.1} {:4.1} | {:4} {} {} {} {}",
-        flat.stances,
-        flat.heel_drift_cm.median,
-        flat.heel_drift_cm.p90,
-        flat.ball_drift_cm.median,
-        flat.ball_drift_cm.p90,
-        flat.swivel_degrees.p90,
-        flat.swivelled_percent,
-        steps.steps,
-        some(steps.heel_first_percent),
-        some(steps.toe_up_degrees),
-        some(steps.toe_clearance_cm),
-        some(steps.heel_up_degrees),
-    )
+    feet_row(&motions.body_figures().feet)
 }
 
 /// The fastest turn of the pelvis about the vertical, mean of five frames, degrees a second.

@@ -4,9 +4,12 @@
 
 #[path = "../tests/common/boxes.rs"]
 mod boxes;
+#[path = "common/feet_row.rs"]
+mod feet_row;
 #[path = "common/nine.rs"]
 mod nine;
 
+use feet_row::feet_row;
 use std::path::PathBuf;
 
 use oncue::figures::{BodyFigures, Surroundings, body_figures};
@@ -61,30 +64,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 const HEAD: &str = "own >1cm %  cm | joints % ° | flat: n heel cm (p90) ball swivel° >15° % | steps heel1st% toe-up° clear cm heel-up° | scene >1 >3 % cm";
 
 fn row(name: &str, figures: &BodyFigures) -> String {
-    let (own, joints, flat, steps) =
-        (&figures.own_body, &figures.joint_limits, &figures.feet.flat, &figures.feet.steps);
-    let some = |value: Option<f32>| value.map_or("–".to_owned(), |v| format!("{v:.1}"));
+    let (own, joints) = (&figures.own_body, &figures.joint_limits);
     let scene = figures.scene.as_ref().map_or("–".to_owned(), |s| {
         format!("{:.1} {:.1} {:.1}", s.over_1_cm_percent, s.over_3_cm_percent, s.deepest_cm)
     });
     format!(
-        "{:4.1} {:4.1} | {:4.1} {:4.1} | {:4} {:.1} ({:.1}) {:.1} ({:.1}) {:4.1} {:4.1} | {:4} {} {} {} {} | {scene} · {name}",
+        "{:4.1} {:4.1} | {:4.1} {:4.1} | {} | {scene} · {name}",
         own.percent,
         own.deepest_cm,
         joints.percent,
         joints.worst_degrees,
-        flat.stances,
-        flat.heel_drift_cm.median,
-        flat.heel_drift_cm.p90,
-        flat.ball_drift_cm.median,
-        flat.ball_drift_cm.p90,
-        flat.swivel_degrees.p90,
-        flat.swivelled_percent,
-        steps.steps,
-        some(steps.heel_first_percent),
-        some(steps.toe_up_degrees),
-        some(steps.toe_clearance_cm),
-        some(steps.heel_up_degrees),
+        feet_row(&figures.feet),
     )
 }
 

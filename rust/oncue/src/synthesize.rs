@@ -84,12 +84,11 @@ pub fn synthesize_along(
 
     let complete = kept.complete;
     let mut motion = std::mem::take(&mut kept.motion);
-    let edited = if settings.editor.fit && kept.end == EpisodeEnd::Complete {
+    let mut edited = if settings.editor.fit && kept.end == EpisodeEnd::Complete {
         Some(edit_for_task(&mut motion, task, complete, scene, manifold, &settings.editor, progress)?)
     } else {
         None
     };
-    let mut edited = edited;
     let mut complete = edited.as_ref().map_or(complete, |e| e.complete_frame);
     let mut action_from = kept.action_from;
     // What the editor hurried is slowed down; hands that follow a cue keep its time.

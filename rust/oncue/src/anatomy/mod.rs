@@ -2,6 +2,9 @@
 //!
 //! What a motion is measured by here, it is also kept to: synthesizer, finishing pass and figures read the same numbers.
 
+/// A limb that is deeper than this in something can be seen to be, metres: less is within what bones of fixed lengths blur.
+pub(crate) const DEEP: f32 = 0.01;
+
 mod body_part;
 mod joint_limits;
 mod own_body;

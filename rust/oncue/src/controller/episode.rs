@@ -13,7 +13,7 @@ use super::reward::{
 };
 use super::state::{Observation, observe};
 use crate::action::ActionType;
-use crate::anatomy::own_depth;
+use crate::anatomy::{DEEP, own_depth};
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
 use crate::math::capsule::Capsule;
@@ -26,8 +26,6 @@ use crate::synthesizer::{Character, PostureOffset};
 /// Frames before the end of a sit or stop at which the posture offset is gone; it begins to fade twice as early.
 const OFFSET_FADE: f32 = 15.0;
 
-/// A limb that is deeper in the own body can be seen to be, metres.
-const DEEP: f32 = 0.01;
 /// The space that an arm takes as it swings beside a walking body: an upright capsule so far aside of the root, so thick and
 /// between such heights over the floor, metres. It reaches 40 cm to the side.
 const ARM_ASIDE: f32 = 0.22;

@@ -11,7 +11,8 @@ use crate::cue::Hand;
 use crate::error::Result;
 use crate::library::contact::runs;
 use crate::math::capsule::Capsule;
-use crate::motion::{Joint, Motion, Pose, Posture};
+use crate::motion::skeleton::ARMS;
+use crate::motion::{Motion, Pose, Posture};
 use crate::progress::Progress;
 use crate::scene::{SceneContact, SceneIndex};
 
@@ -33,9 +34,6 @@ const STAYS_SIGMA: f32 = 1e-4;
 const FADE_FRAMES: f64 = 8.0;
 /// Frames before and after what is corrected in which the correction fades.
 const MARGIN: usize = 2 * FADE_FRAMES as usize;
-
-/// Upper arm and forearm of each side.
-const ARMS: [[Joint; 2]; 2] = [[Joint::LeftArm, Joint::LeftForeArm], [Joint::RightArm, Joint::RightForeArm]];
 
 /// The scene that arms are kept out of.
 #[derive(Clone, Copy)]
@@ -154,7 +152,7 @@ impl Touches<'_> {
     fn kept(&self, frame: usize, posture: &Posture) -> Vec<Term> {
         let of_side = |(side, hand): (usize, Hand)| {
             let joints =
-                ARMS[side].iter().filter(|_| self.is_carried(frame, hand)).copied().collect::<Vec<_>>();
+                ARMS[side][1..3].iter().filter(|_| self.is_carried(frame, hand)).copied().collect::<Vec<_>>();
             joints.into_iter().map(|joint| Term::Local {
                 joint,
                 target: posture.rotations[joint.index()],
@@ -194,6 +192,7 @@ impl FoundTerms for Touches<'_> {
 mod tests {
     use super::*;
     use crate::figures::{Surroundings, body_figures};
+    use crate::motion::Joint;
     use crate::motion::speed::accelerations;
     use crate::test_world::room;
     use glam::{Quat, Vec3};
@@ -224,7 +223,7 @@ mod tests {
         let figures = body_figures(&after, 0.0, None);
         assert!(figures.own_body.deepest_cm < 0.5, "{:?}", figures.own_body);
         assert_eq!(figures.joint_limits.percent, 0.0, "{:?}", figures.joint_limits);
-        let left = ARMS[0].map(Joint::index);
+        let left = [ARMS[0][1], ARMS[0][2]].map(Joint::index);
         for (frame, (a, b)) in before.postures.iter().zip(&after.postures).enumerate() {
             assert_eq!(a.root_position, b.root_position);
             for joint in 0..a.rotations.len() {

@@ -114,6 +114,3 @@ impl Tally {
 fn percent(part: usize, all: usize) -> f32 {
     100.0 * part as f32 / all.max(1) as f32
 }
-
-/// Depths from here on count, metres: less is within what bones of fixed lengths blur.
-const DEEP: f32 = 0.01;

@@ -2,9 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::percent;
 use super::spans::Spans;
-use super::{DEEP, percent};
-use crate::anatomy::{BodyPart, touching};
+use crate::anatomy::{BodyPart, DEEP, touching};
 use crate::motion::Pose;
 
 /// How often limbs are in the trunk, the head and each other.

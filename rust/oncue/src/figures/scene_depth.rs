@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::spans::Spans;
-use super::{DEEP, Surroundings, percent};
-use crate::anatomy::{BodyPart, body_capsules};
+use super::{Surroundings, percent};
+use crate::anatomy::{BodyPart, DEEP, body_capsules};
 use crate::motion::Pose;
 use crate::scene::SEAT_GIVE;
 

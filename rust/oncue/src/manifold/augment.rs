@@ -14,13 +14,9 @@ use super::window::WINDOW;
 use crate::library::foot;
 use crate::math::curve::smoothstep;
 use crate::math::rotation::yaw;
+use crate::motion::skeleton::ARMS;
 use crate::motion::{Joint, Motion, Posture};
 
-/// Shoulder, arm, forearm, hand of each side.
-const ARMS: [[Joint; 4]; 2] = [
-    [Joint::LeftShoulder, Joint::LeftArm, Joint::LeftForeArm, Joint::LeftHand],
-    [Joint::RightShoulder, Joint::RightArm, Joint::RightForeArm, Joint::RightHand],
-];
 const SPINE: [Joint; 3] = [Joint::Spine, Joint::Spine1, Joint::Spine2];
 const UPPER_BODY: std::ops::RangeInclusive<usize> = Joint::Spine as usize..=Joint::RightHand as usize;
 /// The pelvis does not sink below this, metres: half a squat.

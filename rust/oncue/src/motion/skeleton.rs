@@ -148,6 +148,12 @@ pub const NAMES: [&str; JOINT_COUNT] = [
 pub const PARENT: [usize; JOINT_COUNT] =
     [usize::MAX, 0, 1, 2, 3, 4, 3, 6, 7, 8, 3, 10, 11, 12, 0, 14, 15, 16, 0, 18, 19, 20];
 
+/// Collar bone, upper arm, forearm and hand of each side.
+pub(crate) const ARMS: [[Joint; 4]; 2] = [
+    [Joint::LeftShoulder, Joint::LeftArm, Joint::LeftForeArm, Joint::LeftHand],
+    [Joint::RightShoulder, Joint::RightArm, Joint::RightForeArm, Joint::RightHand],
+];
+
 /// Index of each joint's mirror image.
 pub const MIRROR: [usize; JOINT_COUNT] =
     [0, 1, 2, 3, 4, 5, 10, 11, 12, 13, 6, 7, 8, 9, 18, 19, 20, 21, 14, 15, 16, 17];

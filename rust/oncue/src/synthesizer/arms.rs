@@ -5,13 +5,9 @@ use glam::{Quat, Vec3};
 use super::{OFFSET_JOINTS, PostureOffset};
 use crate::anatomy::{EASY_ELBOW, arm_depth, elbow_flexion, shoulder_beyond};
 use crate::math::rotation::from_angle_axis;
+use crate::motion::skeleton::ARMS;
 use crate::motion::{Joint, Pose, Posture};
 
-/// Collar bone, upper arm, forearm, hand.
-const ARMS: [[Joint; 4]; 2] = [
-    [Joint::LeftShoulder, Joint::LeftArm, Joint::LeftForeArm, Joint::LeftHand],
-    [Joint::RightShoulder, Joint::RightArm, Joint::RightForeArm, Joint::RightHand],
-];
 /// Halvings of the share of an offset that an arm can take: to less than a hundredth of it.
 const HALVINGS: usize = 7;
 /// What is deeper or farther by less is no worse, metres and degrees.

@@ -20,7 +20,7 @@ use super::plan::{Foothold, Plan, WEIGHT_SHIFT};
 use super::seat::{self, SeatState};
 use crate::library::foot::LEGS;
 use crate::math::planar::rotate;
-use crate::motion::skeleton::{JOINT_COUNT, JOINT_OFFSET, LEG_LENGTH, SEATED_HIPS_HEIGHT, TOE_HEIGHT};
+use crate::motion::skeleton::{ARMS, JOINT_COUNT, JOINT_OFFSET, LEG_LENGTH, SEATED_HIPS_HEIGHT, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, FootContact, Joint, Motion, Posture};
 
 /// Samples to a frame inside the generator.
@@ -652,11 +652,6 @@ fn laid_hand(sign: f32, fingers: Vec3, back: Vec3) -> Quat {
     let y = back.cross(x).normalize();
     Quat::from_mat3(&glam::Mat3::from_cols(x, y, x.cross(y)))
 }
-
-const ARMS: [[Joint; 4]; 2] = [
-    [Joint::LeftShoulder, Joint::LeftArm, Joint::LeftForeArm, Joint::LeftHand],
-    [Joint::RightShoulder, Joint::RightArm, Joint::RightForeArm, Joint::RightHand],
-];
 
 /// On high seats the heels rise, then the feet leave the floor. `yaw`: the heading.
 fn seat_feet(plan: &Plan, seat: &[SeatState], yaw: &[f32], feet: &mut [Vec<FootSample>; 2]) {
