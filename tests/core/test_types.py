@@ -95,6 +95,8 @@ def test_a_report_has_what_its_type_says(learnt, played):
     penetration = played.report["penetration"]
     assert bool(penetration["parts_percent"]) == (penetration["whole_body_percent"] > 0)
     assert bool(played.report["problems"]) != played.report["success"]
+    assert played.report["body"]["pose_distance"]
+    assert played.report["style"]["descent"]["descent_s"]
     edited = played.report["edited"]
     assert edited is not None
     assert edited["seat"], edited
@@ -108,6 +110,15 @@ def test_every_other_dict_has_what_its_type_says(bench_scene, library, played, t
     check(library.clip(0), oncue_core.Clip)
     check(library.foot_figures(), oncue_core.FootFigures)
     check(library.body_figures(), oncue_core.BodyFigures)
+    style = library.style_figures()
+    check(style, oncue_core.StyleFigures)
+    assert all(value is not None for rows in style.values() for value in rows.values()), style
+    # Nothing of it is captured.
+    captured = library.style_figures("mocap")
+    check(captured, oncue_core.StyleFigures)
+    assert all(value is None for rows in captured.values() for value in rows.values())
+    with pytest.raises(oncue_core.InputError, match="taken"):
+        library.style_figures("taken")
     shipped = oncue_core.Manifold.shipped().figures
     check(shipped, oncue_core.ManifoldFigures)
     assert shipped["curve"]

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Sequence
 from types import GenericAlias
-from typing import Any, Generic, TypeVar, final
+from typing import Any, Generic, Literal, TypeVar, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from .types import (
     Robustness,
     Settings,
     Skeleton,
+    StyleFigures,
     Summary,
     Task,
 )
@@ -124,6 +125,11 @@ class Library:
         """What an eye sees first in the clips, mirrored copies left out, by the same measures as a report's `body`.
 
         All clips together: where in which clip is not told, and there is no scene.
+        """
+    def style_figures(self, source: Literal["mocap", "procedural"] | None = None) -> StyleFigures:
+        """How people walk, set off, sit down, sit and get up in the clips, by the same measures as a report's `style`.
+
+        Mirrored copies left out; of captured or of made clips alone where a source is given.
         """
     def summary(self) -> Summary:
         """Seconds of each action, by where they come from."""

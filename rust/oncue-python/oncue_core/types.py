@@ -248,8 +248,32 @@ class SceneDepthFigures(TypedDict):
     touches: list[SceneTouch]
 
 
+class FarPose(TypedDict):
+    """A part farther than 20° from every pose of the library in frames `first` to before `end`, farthest in `frame`.
+
+    `gap_cm`: the narrowest gap that the body is in within a second; None where there is none of less than a metre.
+    """
+
+    part: Literal["left_arm", "right_arm", "trunk"]
+    first: int
+    end: int
+    degrees: float
+    frame: int
+    gap_cm: float | None
+
+
+class PoseDistanceFigures(TypedDict):
+    """How far arms and trunk are from the library's poses: shares of the frames beyond 20°, percent, and the worst."""
+
+    arms_percent: float
+    arms_worst_degrees: float
+    trunk_percent: float
+    trunk_worst_degrees: float
+    beyond: list[FarPose]
+
+
 class BodyFigures(TypedDict):
-    """What an eye sees first in a motion. `scene`: None where no scene was given.
+    """What an eye sees first in a motion. `scene`: None where no scene was given; `pose_distance`: only in a report.
 
     Those of a library are of all its clips together and do not tell where.
     """
@@ -258,6 +282,88 @@ class BodyFigures(TypedDict):
     joint_limits: JointLimitFigures
     feet: WholeFootFigures
     scene: SceneDepthFigures | None
+    pose_distance: PoseDistanceFigures | None
+
+
+class WalkingStyle(TypedDict):
+    """Straight, even walking forwards: medians over stretches of 1.2 s."""
+
+    speed_m_per_s: float | None
+    neck_sideways_cm: float | None
+    head_bob_cm: float | None
+    head_up_cm: float | None
+    shoulders_degrees: float | None
+    pelvis_degrees: float | None
+    head_pitch_degrees: float | None
+    wrist_fore_aft_cm: float | None
+    wrist_sideways_cm: float | None
+    elbow_sideways_cm: float | None
+    head_speed_sd_cm_per_s: float | None
+    neck_speed_sd_cm_per_s: float | None
+    shoulder_speed_sd_cm_per_s: float | None
+    neck_fore_aft_cm: float | None
+    knee_up_cm: float | None
+    trunk_lean_degrees: float | None
+
+
+class WayStyle(TypedDict):
+    """The way on foot as a whole."""
+
+    speed_variation: float | None
+    fastest_turn_degrees_per_s: float | None
+    head_leads_degrees: float | None
+
+
+class StartStyle(TypedDict):
+    """The first step out of standing."""
+
+    weight_shift_cm: float | None
+    shift_s: float | None
+
+
+class DescentStyle(TypedDict):
+    """Sitting down, and the 2.5 s before."""
+
+    turn_before_degrees: float | None
+    still_before_s: float | None
+    descent_s: float | None
+    lean_degrees: float | None
+    fastest_sink_m_per_s: float | None
+    feet_move_cm: float | None
+    pelvis_turns_degrees: float | None
+
+
+class SeatedStyle(TypedDict):
+    """Sitting, a third of a second or longer."""
+
+    trunk_degrees: float | None
+    feet_fore_aft_cm: float | None
+    ankles_apart_cm: float | None
+    knees_apart_cm: float | None
+    wrists_cm_per_s: float | None
+    head_cm_per_s: float | None
+    knees_cm_per_s: float | None
+
+
+class RisingStyle(TypedDict):
+    """Getting up."""
+
+    rise_s: float | None
+    lean_degrees: float | None
+
+
+class StyleFigures(TypedDict):
+    """How a person walks, sets off, sits down, sits and gets up; docs/report.md defines each row.
+
+    Medians; None where the motion shows nothing of the kind.
+    """
+
+    walking: WalkingStyle
+    way: WayStyle
+    start: StartStyle
+    descent: DescentStyle
+    seated: SeatedStyle
+    rising: RisingStyle
 
 
 class MotionFigures(TypedDict):
@@ -539,6 +645,7 @@ class Report(TypedDict):
     penetration: PenetrationFigures
     speed: SpeedFigures
     body: BodyFigures
+    style: StyleFigures
     edited: EditedFigures | None
     frames: int
     path_m: float

@@ -6,11 +6,12 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use numpy::{PyArray1, PyArrayMethods};
 use oncue::MotionDatabase;
 use oncue::library::FeatureWeights;
-use oncue::library::{LibrarySettings, build, starter};
+use oncue::library::{LibrarySettings, Source, build, starter};
 use oncue::{MotionLibrary, Progress};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::error::InputError;
 use crate::job::{self, Job};
 use crate::json;
 use crate::motion::{MotionArrays, to_arrays};
@@ -141,6 +142,21 @@ impl Library {
     /// What an eye sees first in the clips, by the same measures as a report's.
     fn body_figures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let figures = job::run(py, || Ok(self.inner.body_figures()))?;
+        json::to_python(py, &figures)
+    }
+
+    /// How people walk and sit in the clips, by the same measures as a report's; of one source alone where one is given.
+    #[pyo3(signature = (source=None))]
+    fn style_figures<'py>(&self, py: Python<'py>, source: Option<&str>) -> PyResult<Bound<'py, PyAny>> {
+        let known = |source: &str| match source {
+            "mocap" => Ok(Source::Mocap),
+            "procedural" => Ok(Source::Procedural),
+            other => Err(InputError::new_err(format!(
+                "Clips come from \"mocap\" or are \"procedural\"; none is \"{other}\"."
+            ))),
+        };
+        let source = source.map(known).transpose()?;
+        let figures = job::run(py, || Ok(self.inner.style(source).medians()))?;
         json::to_python(py, &figures)
     }
 

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::controller::optimize::UpdateFigures;
 use crate::editor::TaskEditFigures;
-use crate::figures::BodyFigures;
+use crate::figures::{BodyFigures, StyleFigures};
 use crate::metrics::{FootFigures, PenetrationFigures, Residual, SpeedFigures};
 use crate::settings::Settings;
 
@@ -54,6 +54,9 @@ pub struct Report {
     pub speed: SpeedFigures,
     /// What an eye sees first: the own body, joints, feet, the whole body in the scene.
     pub body: BodyFigures,
+    /// How the person walks, sets off, sits down and sits.
+    #[serde(default)]
+    pub style: StyleFigures,
     /// What the editor did; none where it is switched off or the action was not completed.
     pub edited: Option<TaskEditFigures>,
     /// Frames of the motion, 30 Hz.

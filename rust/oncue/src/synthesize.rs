@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use crate::action::ActionLabel;
 use crate::controller::optimize::UpdateFigures;
 use crate::controller::{
     Environment, EpisodeEnd, KeptMotion, StoredPolicy, keep_motion, optimize_policy, request_of,
@@ -10,7 +11,8 @@ use crate::controller::{
 use crate::cue::Task;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
-use crate::figures::{Surroundings, body_figures};
+use crate::figures::{StyleValues, Surroundings, body_figures, pose_distance_figures};
+use crate::library::Segment;
 use crate::library::database::MotionDatabase;
 use crate::manifold::Manifold;
 use crate::metrics::{Residual, foot_figures, penetration_figures, residual, speed_figures};
@@ -110,7 +112,10 @@ pub fn synthesize_along(
     let ignore = settings.reward.ignore_below;
     let penetration = penetration_figures(&motion, scene, floor, ignore, seat);
     let surroundings = Surroundings { scene, ignore_below: ignore, seat };
-    let body = body_figures(&motion, floor, Some(&surroundings));
+    let mut body = body_figures(&motion, floor, Some(&surroundings));
+    body.pose_distance = Some(pose_distance_figures(&motion, database.known_poses(), Some(scene)));
+    let sits_from = seat.filter(|_| kept.end == EpisodeEnd::Complete).map(|(from, _)| from);
+    let style = StyleValues::of(&motion, floor, &segments(motion.len(), sits_from, complete)).medians();
     laps.done("measure");
 
     let mut problems = problems(kept.end, &cues, scene, task);
@@ -131,6 +136,7 @@ pub fn synthesize_along(
         penetration,
         speed: speed_figures(&motion, &database.turns.usual, &database.accelerations),
         body,
+        style,
         edited,
         frames: motion.len(),
         path_m: kept.tally.travelled,
@@ -145,6 +151,24 @@ pub fn synthesize_along(
         curve: learning.curve,
     };
     Ok(Synthesis { motion, report, policy })
+}
+
+/// What happens in a motion of so many frames: someone is on foot, sits down from frame `sits_from` on, and sits from `complete`.
+fn segments(frames: usize, sits_from: Option<usize>, complete: usize) -> Vec<Segment> {
+    let walk =
+        |end: usize| Segment { label: ActionLabel::Walk, first: 0, end, complete: end.saturating_sub(1) };
+    let Some(from) = sits_from else { return vec![walk(frames)] };
+    let seated = (complete + 1).min(frames);
+    vec![
+        walk(from),
+        Segment { label: ActionLabel::Sit, first: from, end: seated, complete },
+        Segment {
+            label: ActionLabel::SeatedIdle,
+            first: seated,
+            end: frames,
+            complete: frames.saturating_sub(1),
+        },
+    ]
 }
 
 /// The policies that can be played before any is optimized.

@@ -1,18 +1,26 @@
-//! What an eye sees first: limbs in the own body, joints beyond their limits, feet that swivel, a body in its surroundings.
+//! What an eye sees first: limbs in the own body, joints beyond their limits, feet that swivel, a body in its surroundings,
+//! poses that the library has not; and the style of how a person walks and sits.
 //!
 //! The same figures of a motion and of a library, so that a motion stands beside what it is made of.
 
 mod feet;
 mod joint_limits;
 mod own_body;
+mod pose_distance;
 mod problems;
 mod scene_depth;
 mod spans;
+mod style;
 
 pub use feet::{FlatFoot, Spread, StepFigures, Swivel, WholeFootFigures};
 pub use joint_limits::{BeyondLimit, JointLimitFigures};
 pub use own_body::{OwnBodyFigures, OwnTouch};
+pub use pose_distance::{FarPose, PoseDistanceFigures, PosedPart, pose_distance_figures};
 pub use scene_depth::{SceneDepthFigures, SceneTouch};
+pub use style::{
+    DescentStyle, RisingStyle, SeatedStyle, StartStyle, Style, StyleFigures, StyleValues, WalkingStyle,
+    WayStyle,
+};
 
 pub use crate::anatomy::{BodyPart, LimitedTurn, body_capsules};
 
@@ -34,6 +42,9 @@ pub struct BodyFigures {
     pub feet: WholeFootFigures,
     /// The whole body in the scene; none where no scene was given.
     pub scene: Option<SceneDepthFigures>,
+    /// How far arms and trunk are from the library's poses; none where it is not told which library the motion is made of.
+    #[serde(default)]
+    pub pose_distance: Option<PoseDistanceFigures>,
 }
 
 /// Where a motion takes place.
@@ -106,6 +117,7 @@ impl Tally {
             joint_limits: self.joint_limits.finish(spans),
             feet: self.feet.finish(spans),
             scene: self.scene.map(scene_depth::Tally::finish),
+            pose_distance: None,
         }
     }
 }

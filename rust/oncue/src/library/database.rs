@@ -1,6 +1,8 @@
 //! A [`MotionLibrary`] made matchable: one plain struct of arrays over all frames, and one search
 //! index an action type.
 
+use std::sync::OnceLock;
+
 use glam::{Quat, Vec3};
 use ndarray::{Array2, aview1};
 use rayon::prelude::*;
@@ -11,6 +13,7 @@ use super::feature::{
     FUTURE_FRAMES, FeatureWeights, Future, MAX_FEATURE, PoseFeature, feature_size, pose_feature,
     write_feature,
 };
+use super::known_poses::KnownPoses;
 use super::search::SearchIndex;
 use super::sufficiency::STANDING_FRAMES;
 use crate::action::{ActionLabel, ActionType, Completion, FutureKind};
@@ -146,6 +149,8 @@ pub struct MotionDatabase {
     pub accelerations: [f32; JOINT_COUNT],
     /// Frames of standing still, at which a motion may begin.
     pub idle_frames: Vec<u32>,
+    /// See [`MotionDatabase::known_poses`].
+    known_poses: OnceLock<KnownPoses>,
 }
 
 /// Sits and stops are entered at the latest this many frames before they complete…
@@ -194,6 +199,7 @@ impl MotionDatabase {
             turns,
             accelerations,
             idle_frames,
+            known_poses: OnceLock::new(),
         };
         if database.idle_frames.is_empty() {
             return Err(Error::input(
@@ -262,6 +268,11 @@ impl MotionDatabase {
                 })
             }
         }
+    }
+
+    /// The poses of arms and trunk that the library has; made when they are first asked for.
+    pub fn known_poses(&self) -> &KnownPoses {
+        self.known_poses.get_or_init(|| KnownPoses::new(self.frames.iter().map(|frame| frame.posture.pose())))
     }
 
     /// Where the root is `ahead` frames later, person-centric. Stays inside the clip.
