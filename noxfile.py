@@ -394,7 +394,8 @@ def evaluate(session: nox.Session) -> None:
     install_wheel(session, python, wheel)
     shared = os.environ.get("ONCUE_SHARED", str(ROOT.parent / "shared"))
     command = [str(python), "-m", "tools.evaluation", "--shared", shared, "--out", str(OUT / "evaluation")]
-    if "--quick" not in session.posargs:
+    # Only the editor's section has pictures that Blender draws.
+    if "--quick" not in session.posargs and ("--only" not in session.posargs or "editing" in session.posargs):
         command += ["--blender", str(blender_environment(session, blenders(session)[-1], wheel))]
     session.run(*command, *session.posargs)
 

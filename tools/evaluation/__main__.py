@@ -17,11 +17,11 @@ from pathlib import Path
 
 import oncue_core
 
-from . import editing, experiments, naturalness, page, pictures, report
-from .scenes import Rooms, read_libraries
+from . import editing, experiments, eyes, naturalness, page, pictures, report
+from .scenes import Rooms, read_clips, read_libraries
 from .store import Store
 
-NAMES = ("tasks", "sequences", "ablations", "robustness", "time", "editing", "naturalness")
+NAMES = ("tasks", "sequences", "ablations", "robustness", "time", "editing", "naturalness", "eyes", "variation")
 
 
 def main() -> int:
@@ -32,8 +32,11 @@ def main() -> int:
     parser.add_argument("--blender", help="a Python with bpy and oncue_core, which draws the editor's pictures")
     parser.add_argument("--only", nargs="+", choices=NAMES, default=NAMES)
     parser.add_argument("--quick", action="store_true", help="a few tasks, under 5 minutes")
-    parser.add_argument("--tasks", type=int, help="of each room, for naturalness: the first so many (default: all)")
-    parser.add_argument("--rooms", nargs="+", help="for naturalness: these rooms alone (default: all)")
+    parser.add_argument(
+        "--tasks", type=int, help="of each room, for naturalness and eyes: the first so many (default: all)"
+    )
+    parser.add_argument("--rooms", nargs="+", help="for naturalness and eyes: these rooms alone (default: all)")
+    parser.add_argument("--seeds", type=int, default=3, help="for eyes: so many motions of each task")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
 
@@ -53,6 +56,7 @@ def main() -> int:
         lambda line: print(line, flush=True),
         options.tasks,
         options.rooms,
+        2 if options.quick else options.seeds,
     )
     docs = options.docs or options.out
     drawn = docs / "pictures"
@@ -81,6 +85,11 @@ def main() -> int:
         sections.append(report.editing_section(seats, openings, drawn))
     if "naturalness" in options.only:
         sections.append(report.naturalness_section(list(naturalness.naturalness(bench))))
+    if "eyes" in options.only:
+        clips = {} if options.quick else {name: eyes.of_clips(library) for name, library in read_clips(shared).items()}
+        sections.append(report.eyes_section(list(eyes.every_motion(bench)), clips))
+    if "variation" in options.only:
+        sections.append(report.variation_section(list(eyes.variation(bench))))
     docs.mkdir(parents=True, exist_ok=True)
     file = docs / "evaluation.md"
     if file.is_file() and options.only != NAMES:
@@ -103,6 +112,7 @@ def _made(options: argparse.Namespace) -> str:
     words = "".join(f" --only {' '.join(options.only)}" if options.only != NAMES else "")
     words += f" --tasks {options.tasks}" if options.tasks else ""
     words += f" --rooms {' '.join(options.rooms)}" if options.rooms else ""
+    words += f" --seeds {options.seeds}" if options.seeds != 3 else ""
     command = f"python3 -m nox -s evaluate --{' --quick' if options.quick else ''}{words} --seed {options.seed}"
     return f"{today}, {machine}, oncue {oncue_core.__version__}. Made by `{command}`"
 

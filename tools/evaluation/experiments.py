@@ -45,9 +45,11 @@ class Bench:
     seed: int
     quick: bool
     say: Callable[[str], None]
-    #: For naturalness: the first so many tasks of these rooms; None for all.
+    #: For naturalness and what an eye sees: the first so many tasks of these rooms; None for all.
     most_tasks: int | None = None
     only_rooms: list[str] | None = None
+    #: For what an eye sees: so many motions of each task.
+    seeds: int = 1
 
     def key(self, experiment: str, library: str, **what: Any) -> dict[str, Any]:
         from_what = {"experiment": experiment, "library": self.libraries[library].checksum, "seed": self.seed}

@@ -114,3 +114,14 @@ def read_libraries(shared: Path | None) -> dict[str, oncue_core.Library]:
         libraries["ACCAD"] = oncue_core.build_library([captures]).result()[0]
     libraries["starter"] = oncue_core.build_library([]).result()[0]
     return libraries
+
+
+def read_clips(shared: Path | None) -> dict[str, oncue_core.Library]:
+    """What motions stand beside: ACCAD's captures alone where they are there, and what the starter makes by rule."""
+    clips = {}
+    captures = shared / "data" / "mocap" / "accad" if shared else None
+    if captures and captures.is_dir():
+        alone = {"starter": "none", "mirror": False}
+        clips["ACCAD, captured"] = oncue_core.build_library([captures], alone).result()[0]
+    clips["starter, made by rule"] = oncue_core.Library.starter()
+    return clips
