@@ -37,7 +37,10 @@ def counted(is_so: Callable[[Row], bool]) -> Callable[[list[Row]], str]:
 
 
 def worded(value: float | None, digits: int = 1) -> str:
-    return "–" if value is None or math.isnan(value) else f"{value:.{digits}f}"
+    if value is None or math.isnan(value):
+        return "–"
+    # No negative zero.
+    return f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def middle(values: Sequence[float | None]) -> float | None:

@@ -334,7 +334,7 @@ class DescentStyle(TypedDict):
 
 
 class SeatedStyle(TypedDict):
-    """Sitting, a third of a second or longer."""
+    """Sitting; speeds only where that lasts for a third of a second."""
 
     trunk_degrees: float | None
     feet_fore_aft_cm: float | None

@@ -153,21 +153,17 @@ pub fn synthesize_along(
     Ok(Synthesis { motion, report, policy })
 }
 
-/// What happens in a motion of so many frames: someone is on foot, sits down from frame `sits_from` on, and sits from `complete`.
+/// What happens in a motion of so many frames: someone is on foot, sits down from frame `sits_from` on, and sits from `complete`,
+/// which may be its last frame.
 fn segments(frames: usize, sits_from: Option<usize>, complete: usize) -> Vec<Segment> {
     let walk =
         |end: usize| Segment { label: ActionLabel::Walk, first: 0, end, complete: end.saturating_sub(1) };
     let Some(from) = sits_from else { return vec![walk(frames)] };
-    let seated = (complete + 1).min(frames);
+    let last = frames.saturating_sub(1);
     vec![
         walk(from),
-        Segment { label: ActionLabel::Sit, first: from, end: seated, complete },
-        Segment {
-            label: ActionLabel::SeatedIdle,
-            first: seated,
-            end: frames,
-            complete: frames.saturating_sub(1),
-        },
+        Segment { label: ActionLabel::Sit, first: from, end: complete, complete },
+        Segment { label: ActionLabel::SeatedIdle, first: complete, end: frames, complete: last },
     ]
 }
 

@@ -1,5 +1,7 @@
 //! The poses of arms and trunk that a library has: what is far from all of them no captured person did.
 
+use std::f32::consts::PI;
+
 use glam::Vec3;
 
 use crate::motion::skeleton::ARMS;
@@ -7,11 +9,9 @@ use crate::motion::{Joint, Pose};
 
 use Joint::*;
 
-/// Poses closer to the one before than this are not kept, degrees: so far a distance may be too large.
-const THINNED: f32 = 1.0;
-/// Poses of a run are no farther from its first than this, degrees. Narrower there are more runs to look at, wider more
-/// poses in each.
-const RUN: f32 = 12.0;
+/// Poses are kept in balls within balls, so far across from their middle to their rim, degrees. The smallest are one pose
+/// each: what is as close to one that is kept is not, and a distance may be as much too large.
+const RADII: [f32; 3] = [16.0, 6.0, 2.0];
 
 /// Where the bones of a part of the body point, unit vectors.
 pub(crate) type Directions<const N: usize> = [Vec3; N];
@@ -45,62 +45,72 @@ fn cosine<const N: usize>(a: &Directions<N>, b: &Directions<N>) -> f32 {
     (0..N).map(|i| a[i].dot(b[i])).fold(1.0, f32::min)
 }
 
-/// Poses of one part of the body, in runs of poses that are close to their run's first.
+/// Poses close to one another, about a pose.
 #[derive(Debug, Clone)]
-struct PartPoses<const N: usize> {
-    poses: Vec<Directions<N>>,
-    /// The first pose of each run.
-    runs: Vec<Directions<N>>,
-    /// Where each run begins in `poses`.
-    begins: Vec<usize>,
+struct Ball<const N: usize> {
+    middle: Directions<N>,
+    /// Balls of the next smaller radius.
+    inside: Vec<Ball<N>>,
 }
 
-impl<const N: usize> PartPoses<N> {
-    /// Of the poses of clips one after another: neighbours are close, which makes runs long.
-    fn new(poses: impl Iterator<Item = Directions<N>>) -> Self {
-        let mut out = Self { poses: Vec::new(), runs: Vec::new(), begins: Vec::new() };
-        let (thinned, run) = (THINNED.to_radians().cos(), RUN.to_radians().cos());
-        for pose in poses {
-            if out.poses.last().is_some_and(|last| cosine(last, &pose) > thinned) {
-                continue;
-            }
-            if out.runs.last().is_none_or(|first| cosine(first, &pose) < run) {
-                out.runs.push(pose);
-                out.begins.push(out.poses.len());
-            }
-            out.poses.push(pose);
+/// Adds a pose to balls of the first of `radii`, and in its ball to those of the next.
+fn insert<const N: usize>(balls: &mut Vec<Ball<N>>, pose: &Directions<N>, radii: &[f32]) {
+    let Some((radius, smaller)) = radii.split_first() else { return };
+    let rim = radius.to_radians().cos();
+    // Neighbours in a clip are close: who took the last takes most of the next, so it is kept at the end.
+    match balls.iter().rposition(|ball| cosine(&ball.middle, pose) >= rim) {
+        Some(ball) => {
+            let last = balls.len() - 1;
+            balls.swap(ball, last);
         }
-        out
+        None => balls.push(Ball { middle: *pose, inside: Vec::new() }),
+    }
+    if let Some(ball) = balls.last_mut() {
+        insert(&mut ball.inside, pose, smaller);
+    }
+}
+
+/// The cosine of the distance to the nearest pose, or `nearest_yet` where none is nearer.
+fn nearest<const N: usize>(balls: &[Ball<N>], pose: &Directions<N>, radii: &[f32], nearest_yet: f32) -> f32 {
+    let cosines = || balls.iter().map(|ball| cosine(&ball.middle, pose));
+    let Some((radius, smaller)) = radii.split_first().filter(|(_, smaller)| !smaller.is_empty()) else {
+        return cosines().fold(nearest_yet, f32::max);
+    };
+    // The pose in a ball that is nearest is no nearer than its middle less its radius.
+    let worth = |nearest: f32| (nearest.clamp(-1.0, 1.0).acos() + radius.to_radians()).min(PI).cos();
+    let middles: Vec<f32> = cosines().collect();
+    let Some(first) = (0..balls.len()).max_by(|a, b| middles[*a].total_cmp(&middles[*b])) else {
+        return nearest_yet;
+    };
+    let mut found = nearest(&balls[first].inside, pose, smaller, nearest_yet);
+    let mut least = worth(found);
+    for (ball, middle) in middles.iter().enumerate() {
+        if ball != first && *middle >= least {
+            found = nearest(&balls[ball].inside, pose, smaller, found);
+            least = worth(found);
+        }
+    }
+    found
+}
+
+/// Poses of one part of the body.
+#[derive(Debug, Clone)]
+struct PartPoses<const N: usize>(Vec<Ball<N>>);
+
+impl<const N: usize> PartPoses<N> {
+    fn new(poses: impl Iterator<Item = Directions<N>>) -> Self {
+        let mut balls = Vec::new();
+        poses.for_each(|pose| insert(&mut balls, &pose, &RADII));
+        Self(balls)
     }
 
     /// The distance to the nearest pose, degrees; half a turn where there is none.
     fn distance(&self, pose: &Directions<N>) -> f32 {
-        // A run's poses are no nearer than its first less the run's reach, which rules nearly all of them out.
-        let firsts: Vec<f32> = self.runs.iter().map(|first| cosine(first, pose)).collect();
-        let mut nearest = firsts.iter().fold(-1.0, |a: f32, b| a.max(*b));
-        let reach = |nearest: f32| {
-            (nearest.clamp(-1.0, 1.0).acos() + RUN.to_radians()).min(std::f32::consts::PI).cos()
-        };
-        let mut worth = reach(nearest);
-        for (run, first) in firsts.iter().enumerate() {
-            if *first < worth {
-                continue;
-            }
-            let end = self.begins.get(run + 1).copied().unwrap_or(self.poses.len());
-            let best = self.poses[self.begins[run]..end]
-                .iter()
-                .map(|known| cosine(known, pose))
-                .fold(-1.0, f32::max);
-            if best > nearest {
-                nearest = best;
-                worth = reach(nearest);
-            }
-        }
-        nearest.clamp(-1.0, 1.0).acos().to_degrees()
+        nearest(&self.0, pose, &RADII, -1.0).clamp(-1.0, 1.0).acos().to_degrees()
     }
 }
 
-/// The poses of arms and trunk that a library has, thinned to a degree.
+/// The poses of arms and trunk that a library has, thinned to two degrees.
 #[derive(Debug, Clone)]
 pub struct KnownPoses {
     /// Both arms, the right one as the left one's mirror image.
@@ -202,11 +212,11 @@ mod tests {
             let expected =
                 nearest(&|k| (0..2).map(|s| cosine(&arm_directions(k, s), &arm)).fold(-1.0, f32::max));
             let found = known.arm_distance(&pose, 1);
-            assert!((-1e-2..=THINNED).contains(&(found - expected)), "{found} {expected}");
+            assert!((-1e-2..=RADII[2]).contains(&(found - expected)), "{found} {expected}");
             let trunk = trunk_directions(&pose);
             let expected = nearest(&|k| cosine(&trunk_directions(k), &trunk));
             let found = known.trunk_distance(&pose);
-            assert!((-1e-2..=THINNED).contains(&(found - expected)), "{found} {expected}");
+            assert!((-1e-2..=RADII[2]).contains(&(found - expected)), "{found} {expected}");
             far += usize::from(expected > 5.0);
         }
         assert!(far > 10, "{far}");

@@ -125,7 +125,7 @@ rows! {
 }
 
 rows! {
-    /// Sitting: one value for each stretch of a third of a second or more.
+    /// Sitting: one value for each stretch; speeds of those of a third of a second or more.
     SeatedStyle {
         /// The trunk's lean in the middle of the stretch, degrees; negative leans back.
         trunk_degrees,

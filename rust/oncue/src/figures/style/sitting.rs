@@ -17,7 +17,7 @@ const BEFORE: (usize, usize) = (75, 30);
 /// Faster than this someone has walked, m/s; slower than this one all but stands.
 const WALKED: f32 = 0.5;
 const STILL: f32 = 0.1;
-/// Shorter stretches of sitting tell nothing, frames.
+/// Of shorter stretches of sitting no speed is told, frames.
 const SEATED: usize = 10;
 /// Frames of which the fastest sink is a mean.
 const SINK: usize = 3;
@@ -29,9 +29,7 @@ impl StyleValues {
             let complete = segment.complete.min(poses.len().saturating_sub(1));
             match segment.label {
                 ActionLabel::Sit => self.descent.add(descent(poses, first, complete).unwrap_or_default()),
-                ActionLabel::SeatedIdle if end.saturating_sub(first) >= SEATED => {
-                    self.seated.add(seated(&poses[first..end]));
-                }
+                ActionLabel::SeatedIdle if first < end => self.seated.add(seated(&poses[first..end])),
                 ActionLabel::StandUp => {
                     self.rising
                         .add(rising(poses.get(first..=complete).unwrap_or_default()).unwrap_or_default());
@@ -94,21 +92,22 @@ fn seated(poses: &[Pose]) -> SeatedStyle {
         Quat::from_rotation_z(-hips_yaw(middle)) * (middle.position(joint) - middle.positions[0])
     };
     let (left, right) = (local(Joint::LeftFoot), local(Joint::RightFoot));
-    let speed = |joints: &[Joint]| {
+    let speed_of = |joints: &[Joint]| {
         let seconds = (poses.len() - 1) as f32 / FRAME_RATE;
         let way = |joint: &Joint| {
             poses.windows(2).map(|w| w[1].position(*joint).distance(w[0].position(*joint))).sum::<f32>()
         };
         100.0 * joints.iter().map(way).sum::<f32>() / joints.len() as f32 / seconds
     };
+    let speed = |joints: &[Joint]| (poses.len() >= SEATED).then(|| speed_of(joints));
     SeatedStyle {
         trunk_degrees: Some(lean(middle)),
         feet_fore_aft_cm: Some(100.0 * (left.y - right.y).abs()),
         ankles_apart_cm: Some(100.0 * (left - right).truncate().length()),
         knees_apart_cm: Some(100.0 * local(Joint::LeftLeg).distance(local(Joint::RightLeg))),
-        wrists_cm_per_s: Some(speed(&Joint::HANDS)),
-        head_cm_per_s: Some(speed(&[Joint::Head])),
-        knees_cm_per_s: Some(speed(&[Joint::LeftLeg, Joint::RightLeg])),
+        wrists_cm_per_s: speed(&Joint::HANDS),
+        head_cm_per_s: speed(&[Joint::Head]),
+        knees_cm_per_s: speed(&[Joint::LeftLeg, Joint::RightLeg]),
     }
 }
 
@@ -213,8 +212,12 @@ mod tests {
         near(found.head_cm_per_s, 3.0);
         near(found.wrists_cm_per_s, 0.0);
         near(found.knees_cm_per_s, 0.0);
-        let short = Segment { first: 125, end: 134, ..segments[2] };
-        assert_eq!(figures(&poses, &[short]).seated, SeatedStyle::default());
+        // One frame shows a pose and no speed; none shows nothing.
+        let last = figures(&poses, &[Segment { first: 149, end: 150, ..segments[2] }]).seated;
+        near(last.feet_fore_aft_cm, 12.0);
+        assert_eq!(last.head_cm_per_s, None);
+        let nothing = Segment { first: 150, end: 150, ..segments[2] };
+        assert_eq!(figures(&poses, &[nothing]).seated, SeatedStyle::default());
     }
 
     #[test]
