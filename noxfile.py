@@ -388,6 +388,14 @@ def rooms(session: nox.Session) -> None:
 
 
 @nox.session
+def sheets(session: nox.Session) -> None:
+    """docs/motion.md: contact sheets of motions at a person's height, and a short video; `-- --only start` for some."""
+    python = blender_environment(session, blenders(session)[-1], build_wheel(session))
+    tools = environment(session, "tools", ["pillow"])
+    session.run(str(tools), "tools/motion_sheets.py", "--python", str(python), *session.posargs)
+
+
+@nox.session
 def evaluate(session: nox.Session) -> None:
     """Replays the paper's tables on real rooms (tools/evaluation); `-- --quick` for a few tasks."""
     python, wheel = environment(session, "evaluate", EVALUATION), build_wheel(session)

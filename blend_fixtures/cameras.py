@@ -29,6 +29,8 @@ LENS = 40.0
 APART = 0.7
 #: A joint lies inside the body: what is nearer to it than this does not hide it, metres.
 FLESH = 0.12
+#: The height over the floor that is in the middle of pictures taken alongside, metres.
+MIDDLE = 0.90
 #: Azimuths from the figure's facing that are tried, degrees; a view from the side shows feet, knees and back best.
 AZIMUTHS = (-65, 65, -45, 45, -90, 90, -25, 25, -115, 115, 0, -140, 140, 180)
 ELEVATIONS = (8, 22, 38, 55)
@@ -98,6 +100,30 @@ class Sight:
                     if cost < least:
                         best, least = view, cost
         return best
+
+    def alongside(self, indices: list[int], distance: float) -> list[View]:
+        """A view a frame, all so far off and from the side from which most of the body is seen over these frames."""
+        shot = Shot(BODY.joints, distance, BODY.room)
+        looked_at = [*indices[:: max(len(indices) // 9, 1)], indices[-1]]
+        facing = self.walk.facings[indices[len(indices) // 2]]
+        heading = math.atan2(facing[1], facing[0])
+
+        def target(index: int) -> Vector:
+            return Vector((*self.walk.roots[index][:2], self.walk.floor + MIDDLE))
+
+        best, least = None, math.inf
+        for azimuth in AZIMUTHS:
+            for elevation in ELEVATIONS[:2]:
+                towards = _direction(heading + math.radians(azimuth), math.radians(elevation))
+                for cut in (0.0, 1.0):
+                    cost = AZIMUTH_COST * abs(abs(azimuth) - 65) + ELEVATION_COST * (elevation - ELEVATIONS[0])
+                    for index in looked_at:
+                        points = [Vector(p) for p in self.walk.joints[index]]
+                        cost += self._try(points, target(index), towards, shot, cut)[1] / len(looked_at)
+                    if cost < least:
+                        best, least = (towards, shot.distance - shot.room if cut else 0.05), cost
+        towards, see_from = best
+        return [View(target(index) + towards * distance, target(index), see_from) for index in indices]
 
     def _try(self, points, target, towards, shot, cut) -> tuple[View, float]:
         """A view and how many joints it hides; with `cut`, all that lies before the figure is left out."""

@@ -167,6 +167,20 @@ def sofa(scene, at, yaw: float, width: float = 2.1, seat: float = 0.43, name: st
     return piece.link(scene)
 
 
+def armchair(scene, at, yaw: float, name: str = "Armchair") -> bpy.types.Object:
+    """A sofa for one: the seat 0.40 m high, 0.60 m between the arms."""
+    return sofa(scene, at, yaw, 0.96, 0.40, name)
+
+
+def bench(scene, at, width: float = 1.4, seat: float = 0.45, name: str = "Bench") -> bpy.types.Object:
+    """A bench without a back, 0.36 m deep."""
+    half, piece = width / 2, Piece(name, at)
+    piece.box((-half, -0.18, seat - 0.05), (half, 0.18, seat), "oak", 0.01)
+    for x in (-half + 0.1, half - 0.1):
+        piece.leg(x, -0.13, seat - 0.05, "walnut", 0.025).leg(x, 0.13, seat - 0.05, "walnut", 0.025)
+    return piece.link(scene)
+
+
 def pouf(scene, at, name: str = "Pouf") -> bpy.types.Object:
     return Piece(name, at).box((-0.25, -0.25, 0.0), (0.25, 0.25, 0.40), "mustard", 0.07).link(scene)
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import functools
 import math
 import sys
 from pathlib import Path
@@ -140,6 +141,37 @@ def stop_by_table() -> None:
     stop(0.2, 0.45, 90)
 
 
+def seat(which: str) -> None:
+    """One seat in the open, come to from its front and to one side."""
+    scene = new_scene()
+    f.floor(scene, (-3, -4), (3, 2))
+    height, ahead = SEATS[which]
+    match which:
+        case "chair":
+            f.chair(scene, (0, 0, 0), 0.0)
+        case "sofa":
+            # In the middle of its right cushion.
+            f.sofa(scene, (-0.435, 0, 0), 0.0)
+        case "armchair":
+            f.armchair(scene, (0, 0, 0), 0.0)
+        case "bench":
+            f.bench(scene, (0, 0, 0))
+        case "bar stool" | "low stool":
+            f.stool(scene, (0, 0, 0), height, which.capitalize())
+    start(1.6, -2.4, 120)
+    sit(0, ahead, height, -90)
+
+
+#: Height of the seat, and how far along +Y the pelvis is over it, metres.
+SEATS = {
+    "chair": (0.45, -0.02),
+    "sofa": (0.43, -0.06),
+    "armchair": (0.40, -0.06),
+    "bench": (0.45, 0.0),
+    "bar stool": (0.72, 0.0),
+    "low stool": (0.30, 0.0),
+}
+
 SCENES = {
     "demo_room": demo_room,
     "chair_row": chair_row,
@@ -148,6 +180,7 @@ SCENES = {
     "stool": stool_alone,
     "enclosed_seat": enclosed_seat,
     "stop": stop_by_table,
+    **{f"seat_{which.replace(' ', '_')}": functools.partial(seat, which) for which in SEATS},
 }
 
 

@@ -2,10 +2,14 @@
 """Pictures that a person can judge a motion by, drawn without a display by Workbench.
 
     python blend_fixtures/render.py FILE.blend --picture demo.png [--video demo.mp4] [--sheet sheet.png]
+    python blend_fixtures/render.py FILE.blend --strip start.png --moment start
+    python blend_fixtures/render.py FILE.blend --frames DIR --size 480x360
 
 The picture shows the room cut open towards the camera, the way on the floor and the figure at several moments,
 blue at the start and orange at the end. A sheet is a grid: a column a telling moment (start, walking, the turn before
-the seat, half-way down, seated), a row each for the room, the figure, and closely its feet or the seat.
+the seat, half-way down, seated), a row each for the room, the figure, and closely its feet or the seat. A strip is a
+row or two of pictures a fifth of a second apart about one moment, from one side at a person's height; frames are the
+whole motion so, a picture each.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ from mathutils import Vector
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[1])]
 
 from cameras import APART, BODY, FEET, LEFT_HAND, LENS, RIGHT_HAND, SEAT, Shot, Sight, View  # noqa: E402
-from walk import Walk, read_walk  # noqa: E402
+from walk import MOMENTS, Walk, read_walk  # noqa: E402
 
 from addon.bridge import compat  # noqa: E402
 from addon.bridge.names import CHARACTER_KEY, CUE_KEY  # noqa: E402
@@ -34,6 +38,12 @@ from addon.bridge.names import CHARACTER_KEY, CUE_KEY  # noqa: E402
 PICTURE_SIZE, SHEET_SIZE, VIDEO_SIZE = (1600, 900), (480, 440), (640, 360)
 #: Without a GPU a frame takes 0.2 s; a video is to take less than a minute.
 VIDEO_FRAMES = 200
+#: A cell of a strip, and how many stand in a row.
+STRIP_SIZE, STRIP_COLUMNS = (160, 250), 9
+#: Seconds from one picture of a strip to the next, and how many there are.
+STRIP_STEP, STRIP_COUNT = 0.2, 18
+#: What a picture taken alongside shows from its bottom to its top, metres.
+TALL = 2.3
 #: Colours from the start of the motion to its end, linear RGB.
 GRADE = np.array([(0.06, 0.20, 0.62), (0.05, 0.45, 0.45), (0.55, 0.50, 0.08), (0.85, 0.25, 0.04)])
 #: What blocks the view is cut off this high over the floor; nothing is shown above the ceiling's height. Metres.
@@ -52,8 +62,8 @@ def prepare(scene: bpy.types.Scene, size: tuple[int, int]) -> bpy.types.Object:
     render.use_stamp = False
     shading.light, shading.color_type = "STUDIO", "MATERIAL"
     # Shadows and cavities take most of a frame's time without a GPU.
-    shading.show_shadows, shading.shadow_intensity = size != VIDEO_SIZE, 0.25
-    shading.show_cavity, shading.cavity_type = size != VIDEO_SIZE, "BOTH"
+    shading.show_shadows, shading.shadow_intensity = size in (PICTURE_SIZE, SHEET_SIZE), 0.25
+    shading.show_cavity, shading.cavity_type = size in (PICTURE_SIZE, SHEET_SIZE), "BOTH"
     shading.show_object_outline = True
     shading.object_outline_color = (0.05, 0.05, 0.06)
     scene.display.light_direction = (0.25, 0.15, 0.95)
@@ -299,6 +309,46 @@ def video(blend: Path, out: Path) -> None:
     bpy.ops.render.render(animation=True)
 
 
+def strip(blend: Path, out: Path, moment: str) -> None:
+    """Pictures a fifth of a second apart about `moment`, row by row, the camera at a person's height going along."""
+    scene, walk, camera = _open(blend, STRIP_SIZE)
+    step = STRIP_STEP * walk.frame_rate
+    first, last = walk.about(moment, STRIP_COUNT * STRIP_STEP)
+    indices = [round(index) for index in np.arange(first, last + 0.5, step)][:STRIP_COUNT]
+    cells = []
+    with tempfile.TemporaryDirectory() as folder:
+        cell = Path(folder) / "cell.png"
+        for index, view in zip(indices, _alongside(walk, indices, STRIP_SIZE), strict=True):
+            scene.frame_set(int(walk.frames[index]))
+            aim(camera, view)
+            stamp(scene, f"{index / walk.frame_rate:.1f} s")
+            draw(scene, cell)
+            cells.append(read_pixels(cell))
+    while len(cells) % STRIP_COLUMNS and len(cells) > STRIP_COLUMNS:
+        cells.append(np.ones_like(cells[0]))
+    rows = [np.concatenate(cells[k : k + STRIP_COLUMNS], axis=1) for k in range(0, len(cells), STRIP_COLUMNS)]
+    # Blender's pictures begin at the bottom.
+    write_pixels(out, np.concatenate(rows[::-1], axis=0))
+
+
+def every_frame(blend: Path, folder: Path, size: tuple[int, int], step: int) -> None:
+    """Every `step`th frame of the motion as FOLDER/0000.png …, the camera at a person's height going along."""
+    scene, walk, camera = _open(blend, size)
+    indices = list(range(0, len(walk.frames), step))
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, (index, view) in enumerate(zip(indices, _alongside(walk, indices, size), strict=True)):
+        scene.frame_set(int(walk.frames[index]))
+        aim(camera, view)
+        draw(scene, folder / f"{number:04d}.png")
+
+
+def _alongside(walk: Walk, indices: list[int], size: tuple[int, int]) -> list[View]:
+    """A view a frame, all from one side, so far off that a standing person fits."""
+    # The lens sees 36 mm over the longer side of a picture.
+    tall = 36.0 / LENS * min(1.0, size[1] / size[0])
+    return Sight(walk).alongside(indices, TALL / tall)
+
+
 def _overview(scene: bpy.types.Scene, walk: Walk, camera: bpy.types.Object, size: tuple[int, int]) -> View:
     """Opens the room towards a camera that sees the whole way."""
     view = Sight(walk).overview(size[0] / size[1])
@@ -341,19 +391,31 @@ def write_pixels(path: Path, pixels: np.ndarray) -> None:
     image.save(quality=85)
 
 
+def _size(text: str) -> tuple[int, int]:
+    width, height = text.split("x")
+    return int(width), int(height)
+
+
 def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(prog="render", description=__doc__.splitlines()[0])
     parser.add_argument("blend", type=Path, help="a file with a character and its action")
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--sheet", type=Path)
     parser.add_argument("--video", type=Path)
+    parser.add_argument("--strip", type=Path)
+    parser.add_argument("--moment", choices=MOMENTS, default="start", help="what a strip is about")
+    parser.add_argument("--frames", type=Path, help="a folder")
+    parser.add_argument("--size", type=_size, default=VIDEO_SIZE, help="of the frames, as 480x360")
+    parser.add_argument("--step", type=int, default=1, help="draw every so many frames")
     options = parser.parse_args(arguments)
-    if not (options.picture or options.sheet or options.video):
-        parser.error("say what to draw: --picture, --sheet or --video")
+    if not (options.picture or options.sheet or options.video or options.strip or options.frames):
+        parser.error("say what to draw: --picture, --sheet, --video, --strip or --frames")
     for out, make in (
         (options.picture, lambda: picture(options.blend, options.picture)),
         (options.sheet, lambda: sheet(options.blend, options.sheet)),
         (options.video, lambda: video(options.blend, options.video)),
+        (options.strip, lambda: strip(options.blend, options.strip, options.moment)),
+        (options.frames, lambda: every_frame(options.blend, options.frames, options.size, options.step)),
     ):
         if out:
             out.parent.mkdir(parents=True, exist_ok=True)

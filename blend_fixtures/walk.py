@@ -24,6 +24,8 @@ JOINTS = (
 )
 #: The pelvis is on its way down once it is this much lower than it walks, metres.
 GOING_DOWN = 0.03
+#: What a strip of pictures can be about: the first steps, half the way, the turn before the seat, the way down.
+MOMENTS = ("start", "middle", "turn", "seat")
 #: How far before that the turn towards the seat is looked for, seconds.
 TURN_WITHIN = 2.5
 
@@ -96,6 +98,19 @@ class Walk:
         walked = [int(np.abs(way[: turn + 1] - part * way[turn]).argmin()) for part in (0.33, 0.67)]
         walks = [("walking", index) for index in walked]
         return [("start", 0), *walks, ("turning", turn), ("half-way down", half), ("end", last)]
+
+    def about(self, moment: str, seconds: float) -> tuple[float, float]:
+        """The first and the last index of so many seconds about one of the `MOMENTS`."""
+        last, length = len(self.frames) - 1, seconds * self.frame_rate
+        if moment == "start":
+            return 0.0, min(length, last)
+        telling = dict(self.telling())
+        if moment == "middle":
+            middle = int(np.abs(self.way() - 0.5 * self.way()[-1]).argmin())
+        else:
+            middle = telling.get("turning" if moment == "turn" else "half-way down", last // 2)
+        first = min(max(middle - length / 2, 0.0), max(last - length, 0.0))
+        return first, min(first + length, last)
 
     def _turning(self) -> np.ndarray:
         """How fast the pelvis turns at each frame, radians a frame, over a fifth of a second."""

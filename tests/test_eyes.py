@@ -44,7 +44,9 @@ def row(library="ACCAD", **changes):
         "own_percent": 0.0,
         "own_cm": 0.0,
         "hinge_degrees": 0.0,
+        "met": True,
         "arms_percent": 0.0,
+        "trunk_percent": 0.0,
         "scene_percent": 0.0,
         "scene_cm": 0.0,
         "scene_named": False,
@@ -97,6 +99,7 @@ def test_motions_are_counted_by_library():
     assert (hinges["motions, ACCAD"], hinges["motions, starter"]) == ("1 of 3", "0 of 1")
     (arms,) = [line for name, line in table.items() if name.startswith("arm over")]
     assert arms["motions, ACCAD"] == "1 of 3"
+    assert table["cue met, motions"]["motions, ACCAD"] == "3 of 3"
     (depth,) = [line for name, line in table.items() if name.startswith("scene deeper")]
     assert depth["motions, ACCAD"] == "3.0 / 5.0"
     (named,) = [line for name, line in table.items() if "named" in name]

@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
+SEATS = [f"seat_{seat}" for seat in ("chair", "sofa", "armchair", "bench", "bar_stool", "low_stool")]
+
 
 @pytest.fixture
 def read(oncue):
     return lambda: oncue("bridge.cue_reader").read_task(bpy.context)
 
 
-@pytest.mark.parametrize("name", ["demo_room", "chair_row", "gap_55", "gap_room", "stool", "enclosed_seat", "stop"])
+@pytest.mark.parametrize(
+    "name", ["demo_room", "chair_row", "gap_55", "gap_room", "stool", "enclosed_seat", "stop", *SEATS]
+)
 def test_each_scene_has_a_task_and_something_to_walk_on(fixtures, oncue, read, name):
     fixtures.SCENES[name]()
     task = read()
@@ -25,7 +29,7 @@ def test_each_scene_has_a_task_and_something_to_walk_on(fixtures, oncue, read, n
     assert task["start"]["position"][2] == 0.0
 
 
-@pytest.mark.parametrize("name", ["demo_room", "chair_row", "gap_55", "stool", "enclosed_seat"])
+@pytest.mark.parametrize("name", ["demo_room", "chair_row", "gap_55", "stool", "enclosed_seat", *SEATS])
 def test_a_sit_cue_is_a_decimetre_over_its_seat(fixtures, context, read, name):
     fixtures.SCENES[name]()
     pelvis = Vector(read()["cue"]["position"])
@@ -40,7 +44,7 @@ def test_the_core_accepts_what_can_be_done_and_names_what_cannot(fixtures, oncue
         meshes = oncue("bridge.scene_reader").read_scene(bpy.context)
         core.check_task(core.index_scene(meshes.positions, meshes.triangles).result(), read())
 
-    for name in ("demo_room", "chair_row", "gap_55", "gap_room", "stool", "stop"):
+    for name in ("demo_room", "chair_row", "gap_55", "gap_room", "stool", "stop", *SEATS):
         check(name)
     with pytest.raises(core.InputError, match="Sit"):
         check("enclosed_seat")

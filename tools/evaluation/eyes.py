@@ -67,6 +67,7 @@ def figures(report: oncue_core.Report) -> Row:
         "own_percent": body["own_body"]["percent"],
         "hinge_degrees": max(hinges, default=0.0),
         "arms_percent": arms_far(distance["beyond"], report["frames"]) if distance else None,
+        "trunk_percent": distance["trunk_percent"] if distance else None,
         "scene_percent": scene["over_1_cm_percent"] if scene else None,
         "scene_cm": scene["deepest_cm"] if scene else None,
         "scene_named": any(IN_SCENE in words for words in report["problems"]),

@@ -110,6 +110,8 @@ def _turn_p95(rows: list[Row]) -> str:
 
 
 LINES = [
+    Line("cue met, motions", "", "", "all", counted(lambda row: row["met"]), None),
+    Line("no problem in the report, motions", "", "", "", counted(lambda row: not row["problems"]), None),
     Line(
         "own body over 1 cm, motions",
         "13 of 35",
@@ -132,6 +134,14 @@ LINES = [
         "",
         "0",
         counted(lambda row: row["arms_percent"] > OFTEN),
+        None,
+    ),
+    Line(
+        f"the same of the trunk in > {OFTEN:.0f} %, any gap, motions",
+        "",
+        "",
+        "",
+        counted(lambda row: row["trunk_percent"] > OFTEN),
         None,
     ),
     Line(
