@@ -42,8 +42,8 @@ fn main() {
     println!(
         "library: {} frames, {} walk, {} sit entries",
         database.frames.len(),
-        database.entry_count(ActionType::Walk),
-        database.entry_count(ActionType::Sit)
+        database.entries(ActionType::Walk).len(),
+        database.entries(ActionType::Sit).len()
     );
     search(&database);
 
@@ -206,7 +206,8 @@ fn real_searches(environment: &Environment) {
         let microseconds = (0..3)
             .map(|_| {
                 let lap = Instant::now();
-                found = queries.iter().zip(&hints).filter_map(|(q, &hint)| index.nearest(q, hint)).collect();
+                found =
+                    queries.iter().zip(&hints).filter_map(|(q, &hint)| index.nearest(q, hint, &[])).collect();
                 lap.elapsed().as_secs_f64() / queries.len() as f64 * 1e6
             })
             .fold(f64::INFINITY, f64::min);
@@ -257,7 +258,7 @@ fn search(database: &MotionDatabase) {
                 .collect();
             let lap = Instant::now();
             for q in &queries {
-                black_box(database.search(action_type, q, None));
+                black_box(database.search(action_type, q, None, &[]));
             }
             let ours = lap.elapsed().as_secs_f64() / 200e-6;
             let lap = Instant::now();

@@ -76,7 +76,7 @@ pub fn synthesize_along(
     settings.validate()?;
     check_task(scene, task)?;
     check_manipulations(task)?;
-    let environment = Environment::new(scene, database, task, settings)?;
+    let environment = Environment::new(scene, database, task, settings)?.of_take(seed);
     laps.done("check");
 
     let request = request_of(task, settings, seed);

@@ -3,6 +3,7 @@
 use glam::Vec2;
 
 use super::reward::{TransitionCost, transition_cost};
+use super::taste::Taste;
 use crate::action::ActionType;
 use crate::cue::Task;
 use crate::error::{Error, Result};
@@ -27,6 +28,8 @@ pub struct Environment<'a> {
     walk_weights: Vec<f32>,
     /// Places on the clear floor at which an episode may begin.
     starts: Vec<Vec2>,
+    /// The take's own taste, and what else rollouts follow; the last is none.
+    tastes: Vec<Taste>,
 }
 
 impl<'a> Environment<'a> {
@@ -68,7 +71,34 @@ impl<'a> Environment<'a> {
             }
         }
         let walk_weights = settings.synthesizer.weights.vector(ActionType::LOCOMOTION);
-        Ok(Self { scene, database, task, settings, path, walk_weights, starts })
+        Ok(Self {
+            scene,
+            database,
+            task,
+            settings,
+            path,
+            walk_weights,
+            starts,
+            tastes: vec![Taste::default()],
+        })
+    }
+
+    /// For the take with this seed, see [`super::taste`].
+    pub fn of_take(self, seed: u64) -> Self {
+        let height = self.task.cue.pelvis_height().map(|z| z - self.task.start.position.z);
+        let tastes = Taste::all_of_take(self.database, seed, height, &self.settings.kept);
+        Self { tastes, ..self }
+    }
+
+    /// The taste so far from the take's own, which is 0; none beyond the last.
+    pub(crate) fn taste(&self, steps: usize) -> &Taste {
+        &self.tastes[steps.min(self.tastes.len() - 1)]
+    }
+
+    /// Which taste the n-th rollout of a take follows: every other one its own, the rest the others in turn.
+    pub(crate) fn taste_of(&self, rollout: u64) -> usize {
+        let others = self.tastes.len() as u64 - 1;
+        if rollout.is_multiple_of(2) || others == 0 { 0 } else { 1 + (rollout / 2 % others) as usize }
     }
 
     /// Places on the clear floor from which the cue can be reached, 15 cm apart.

@@ -14,6 +14,7 @@ use super::reward::{
 use super::state::{Observation, observe};
 use crate::action::ActionType;
 use crate::anatomy::{DEEP, own_depth};
+use crate::figures::{Surroundings, depth_in_scene};
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
 use crate::math::capsule::Capsule;
@@ -35,6 +36,13 @@ const ARM_HEIGHTS: (f32, f32) = (0.75, 1.35);
 const TIGHT: f32 = 0.10;
 /// How far ahead of the body it is looked for, seconds.
 const AHEAD: [f32; 4] = [0.0, 0.33, 0.67, 1.0];
+
+/// The own body is looked at every so many frames: nothing that lasts longer than a brief touch (`report.brief_frames`) is
+/// missed, at a third of the time.
+const OWN_BODY_EVERY: usize = 3;
+
+/// Frames of a step, over which the pace is a mean.
+const STEP_FRAMES: usize = 15;
 
 /// How an episode ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,12 +90,18 @@ pub struct Tally {
     pub contact: ContactError,
     /// Metres the root travelled.
     pub travelled: f32,
+    /// How much its pace changed, faster or slower, all together, m/s; the swing of a step does not count.
+    pub surge: f32,
     /// Squared radians of posture offset, summed.
     pub offset: f32,
-    /// Frames in which a limb is more than 1 cm deep in the own body, beyond what flesh gives.
+    /// Frames in which a limb is more than 1 cm deep in the own body, beyond what flesh gives, by every third of them.
     pub in_own_body: usize,
     /// How deep the deepest limb is in the own body, summed over the frames, metres.
     pub own_depth: f32,
+    /// How deep the deepest part is in the scene in the posture that is held, metres.
+    pub held_depth: f32,
+    /// How far from the take's own taste it is, see [`super::taste`].
+    pub taste: usize,
     /// Pelvis to the cue at the end, metres, and facing, radians.
     pub residual: f32,
     /// The facing away from the cue's at the end, radians.
@@ -143,7 +157,8 @@ impl Environment<'_> {
         let before = character.posture;
         Episode {
             character,
-            tally: Tally::default(),
+            // None, but for the rollouts of a choice.
+            tally: Tally { taste: usize::MAX, ..Tally::default() },
             before,
             collisions: [1.0; 5],
             trail: vec![start.position],
@@ -156,7 +171,8 @@ impl Environment<'_> {
 
     /// s_t and what is open.
     pub fn observe(&self, episode: &Episode, out: &mut [f32]) -> Observation {
-        observe(self, &episode.character, &episode.before, episode.likely_action, out)
+        let taste = self.taste(episode.tally.taste);
+        observe(self, &episode.character, &episode.before, episode.likely_action, taste, out)
     }
 
     /// Plays a_t for N frames, or a sit or stop to its end.
@@ -171,7 +187,10 @@ impl Environment<'_> {
         // k*: a sit or stop was matched while observing; walking is matched with a^future.
         let target = match action {
             Some(action) => Some(action.found.frame),
-            None => self.match_walk(character, &query, &signal.future),
+            None => {
+                let passed_over = self.taste(episode.tally.taste).passed_over(ActionType::LOCOMOTION);
+                self.match_walk(character, &query, &signal.future, passed_over)
+            }
         };
         let mut cost = TransitionCost::default();
         if let Some(frame) = target {
@@ -206,12 +225,19 @@ impl Environment<'_> {
     }
 
     /// The frame to jump to for walking, or `None` to play on.
-    fn match_walk(&self, character: &Character, query: &PoseFeature, future: &[Planar; 3]) -> Option<usize> {
+    fn match_walk(
+        &self,
+        character: &Character,
+        query: &PoseFeature,
+        future: &[Planar; 3],
+        passed_over: &[bool],
+    ) -> Option<usize> {
         let mut feature = [0.0; MAX_FEATURE];
         let size = feature_size(ActionType::LOCOMOTION);
         write_feature(query, &Future::Walk(*future), &mut feature[..size]);
         let feature = &feature[..size];
-        let found = self.database.search(ActionType::LOCOMOTION, feature, Some(character.frame))?;
+        let found =
+            self.database.search(ActionType::LOCOMOTION, feature, Some(character.frame), passed_over)?;
         let on = self.database.cost(ActionType::LOCOMOTION, feature, character.frame);
         match on {
             Some(cost) if cost <= found.cost * (1.0 + self.settings.synthesizer.reluctance) => None,
@@ -291,9 +317,11 @@ impl Environment<'_> {
         tally.frames += 1;
         tally.travelled += step;
         tally.offset += character.offset_distance;
-        let own_depth = own_depth(&character.pose);
-        tally.in_own_body += usize::from(own_depth > DEEP);
-        tally.own_depth += own_depth;
+        if tally.frames.is_multiple_of(OWN_BODY_EVERY) {
+            let own_depth = own_depth(&character.pose);
+            tally.in_own_body += OWN_BODY_EVERY * usize::from(own_depth > DEEP);
+            tally.own_depth += OWN_BODY_EVERY as f32 * own_depth;
+        }
         tally.hurry += character.leg_speed - 1.0;
         tally.worst_hurry = tally.worst_hurry.max(character.leg_speed - 1.0);
         let jolt = self.jolt([&earlier, &character.before.positions, &character.pose.positions]);
@@ -318,6 +346,7 @@ impl Environment<'_> {
         let frame = tally.frames;
         episode.collisions[frame % 5] = coli;
         episode.trail.push(place);
+        tally.surge += surge(&episode.trail) / STEP_FRAMES as f32;
         means.collision += coli;
         means.trajectory +=
             coli * position_reward(distance, &settings.reward) * velocity_reward(step, &settings.reward);
@@ -351,11 +380,18 @@ impl Environment<'_> {
         hard.iter().zip(usual).map(|(hard, usual)| hard / usual.max(1e-2) - 1.0).fold(0.0, f32::max)
     }
 
-    /// Plays on for as long as a motion is held after its action is complete.
+    /// Plays on for as long as a motion is held after its action is complete, and looks at where it ends.
     pub fn hold(&self, episode: &mut Episode) {
         for _ in 0..(self.settings.synthesizer.hold_seconds * FRAME_RATE) as usize {
             self.frame(episode, &PostureOffset::default(), true, &mut Means::default());
         }
+        let surroundings = Surroundings {
+            scene: self.scene,
+            ignore_below: self.settings.reward.ignore_below,
+            seat: self.task.cue.seat_height().map(|seat| (0, seat)),
+        };
+        let character = &episode.character;
+        episode.tally.held_depth = depth_in_scene(&character.pose, character.floor, &surroundings);
     }
 
     /// How tight it is beside the left and the right arm, here and where the next second leads at this velocity: 0 where an arm
@@ -410,6 +446,17 @@ impl Means {
         self.trajectory /= n;
         self.regularization /= n;
         self.collision /= n;
+    }
+}
+
+/// By how much the pace of the last step differs from that of the one before, m/s; 0 before there were two.
+fn surge(trail: &[Vec2]) -> f32 {
+    let [before, from, to] =
+        [2, 1, 0].map(|ago| trail.len().checked_sub(1 + ago * STEP_FRAMES).map(|at| trail[at]));
+    let pace = |a: Option<Vec2>, b: Option<Vec2>| Some(a?.distance(b?) * FRAME_RATE / STEP_FRAMES as f32);
+    match (pace(before, from), pace(from, to)) {
+        (Some(then), Some(now)) => (now - then).abs(),
+        _ => 0.0,
     }
 }
 
@@ -724,8 +771,20 @@ mod tests {
         }
         close(reward, 0.7 * sum / motion.len() as f32, 2e-3);
 
-        let (_, episode, reward) = only(&|r| (r.w_reg, r.sigma_reg) = (0.5, 0.1));
-        assert!(reward > 0.0 && reward < 0.5 && episode.tally.offset > 0.0, "{reward}");
+        let (world, episode, reward) = only(&|r| (r.w_reg, r.sigma_reg) = (0.5, 0.1));
+        let mut before = begin(&world.environment()).character.posture;
+        let elbow = Joint::LeftForeArm.index();
+        let own = before.rotations[elbow];
+        let motion = episode.record.expect("recorded");
+        let mut sum = 0.0;
+        for posture in &motion.postures {
+            // Of the four joints that an offset turns it is the elbow alone.
+            let offset = crate::math::rotation::angle_between(own, posture.rotations[elbow]).powi(2) / 4.0;
+            sum += (-(offset + mean_square_change(&before, posture)) / 0.1f32.powi(2)).exp();
+            before = *posture;
+        }
+        close(reward, 0.5 * sum / motion.len() as f32, 2e-3);
+        assert!(reward < 0.49 && episode.tally.offset > 0.0, "{reward}");
         let (_, _, reward) = only(&|r| r.time_cost = 0.3);
         close(reward, -0.3, 1e-6);
         // A transition that shows takes its share of all.
@@ -761,6 +820,21 @@ mod tests {
             assert!(tally.worst_transition <= tally.transition + 1e-6);
             assert!(turning.character.planar.yaw * turn > 0.0);
         }
+    }
+
+    #[test]
+    fn a_transition_costs_posture_and_velocity() {
+        let world = walker(&[], Planar::default());
+        let environment = world.environment();
+        let mut episode = begin(&environment);
+        let query = episode.character.pose_feature();
+        repeat(&environment, &mut episode, &walk_on(&world.settings), 1);
+        let entered = episode.character.frame - world.settings.synthesizer.search_every;
+        let cost = environment.transition_cost(&query, entered);
+        // Who stands and who walks here hold themselves alike, but not as fast.
+        assert!(cost.velocity > 0.01 && cost.posture != 1.0, "{cost:?}");
+        assert_eq!(episode.tally.transitions, 1);
+        close(episode.tally.transition, cost.posture + cost.velocity, 1e-6);
     }
 
     #[test]
@@ -892,7 +966,8 @@ mod tests {
         let mut rng = Pcg64::seed_from_u64(5);
         let own = environment.begin(&mut rng);
         assert_eq!(own.character.planar, world.task.start.planar());
-        assert_eq!((own.tally, own.action_from, own.collisions), (Tally::default(), None, [1.0; 5]));
+        let nothing = Tally { taste: usize::MAX, ..Tally::default() };
+        assert_eq!((own.tally, own.action_from, own.collisions), (nothing, None, [1.0; 5]));
         assert_eq!(clip_of(own.character.frame), "stand");
         assert!(!environment.starts().is_empty());
         for start in environment.starts() {
@@ -915,6 +990,24 @@ mod tests {
         let environment = shut.environment();
         assert!(environment.starts().is_empty());
         assert_eq!(environment.begin_anywhere(&mut rng).character.planar, Planar::default());
+    }
+
+    #[test]
+    fn a_surge_is_a_change_of_pace_from_step_to_step() {
+        let at = |pace: &dyn Fn(usize) -> f32, frames: usize| {
+            let mut trail = vec![Vec2::ZERO];
+            (0..frames).fold(0.0, |sum, frame| {
+                let last = trail[trail.len() - 1];
+                trail.push(last + Vec2::new(0.6, 0.8) * pace(frame) / FRAME_RATE);
+                sum + surge(&trail) / STEP_FRAMES as f32
+            })
+        };
+        close(at(&|_| 1.1, 90), 0.0, 1e-4);
+        // What goes up and down within a step is none of it.
+        close(at(&|frame| if frame % 15 < 7 { 1.4 } else { 0.8 }, 90), 0.0, 0.05);
+        // From 0.8 to 1.2 m/s and back: each change counts once.
+        close(at(&|frame| if (60..120).contains(&frame) { 1.2 } else { 0.8 }, 180), 0.8, 0.02);
+        assert_eq!(at(&|frame| frame as f32, 2 * STEP_FRAMES - 1), 0.0);
     }
 
     #[test]

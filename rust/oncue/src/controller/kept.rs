@@ -12,6 +12,7 @@ use super::environment::Environment;
 use super::episode::{Episode, EpisodeEnd, Tally};
 use super::policy::{Draw, Gaussian, Policy, TYPE_COUNT, draw};
 use super::signal::OFFSET_SIZE;
+use crate::anatomy::DEEP;
 use crate::error::Result;
 use crate::math::Planar;
 use crate::motion::{FRAME_RATE, Motion};
@@ -22,6 +23,8 @@ use crate::synthesizer::unhurried;
 
 /// A way that is longer than this, or that there is none, counts as this long, metres.
 const FARTHEST_WAY: f32 = 50.0;
+/// Farther than this no taste is from the take's own.
+const FARTHEST_TASTE: usize = 8;
 /// How much of the last decision's a^offset stays where the way is narrowest: arms that are past something stay so.
 const OFFSET_HELD: f32 = 0.8;
 
@@ -51,6 +54,8 @@ pub struct KeptMotion {
 struct Candidate {
     seed: u64,
     draws: Vec<Draw>,
+    /// How far from the take's own taste.
+    taste: usize,
     end: EpisodeEnd,
     tally: Tally,
     /// Lower is better.
@@ -66,6 +71,8 @@ pub fn keep_motion(
 ) -> Result<KeptMotion> {
     let settings = &environment.settings.kept;
     let map = policy.normalizer.map();
+    // The policy's mean alone is the paper's.
+    let choosing = settings.rollouts > 1;
     // The best so far, best first.
     let mut best: Vec<Candidate> = Vec::new();
     let (mut rollouts, mut succeeded) = (0, 0);
@@ -82,11 +89,14 @@ pub fn keep_motion(
                 let own = rollout_seed(seed, round as u64, i);
                 let Some(branch) = best.get(i as usize % best.len().max(1)) else {
                     // The first is the policy's mean.
-                    return play(environment, policy, &map, own, &[], own, if i == 0 { 0.0 } else { 0.8 });
+                    let taste = if choosing { environment.taste_of(i) } else { usize::MAX };
+                    let begun = Begun { seed: own, draws: &[], taste };
+                    return play(environment, policy, &map, begun, own, if i == 0 { 0.0 } else { 0.8 });
                 };
                 let mut rng = Pcg64::seed_from_u64(own);
                 let keep = rng.random_range(0..branch.draws.len().max(1));
-                play(environment, policy, &map, branch.seed, &branch.draws[..keep], own, spread)
+                let begun = Begun { draws: &branch.draws[..keep], ..branch.begun() };
+                play(environment, policy, &map, begun, own, spread)
             })
             .collect();
         progress.check()?;
@@ -99,8 +109,7 @@ pub fn keep_motion(
         best.truncate(settings.branches.max(1));
     }
     let best = best.into_iter().next().ok_or(crate::error::Error::Cancelled)?;
-    let best =
-        if settings.rollouts > 1 { spare_arms(environment, policy, &map, best, progress)? } else { best };
+    let best = if choosing { spare_arms(environment, policy, &map, best, progress)? } else { best };
     let (episode, complete) = record(environment, &best);
     let motion = episode.record.unwrap_or_default();
     let paced = unhurried(&motion, &environment.database.turns);
@@ -128,24 +137,46 @@ fn rollout_seed(seed: u64, round: u64, rollout: u64) -> u64 {
     mix(mix(seed.wrapping_add(0x9e37_79b9_7f4a_7c15)) ^ (round << 32 | rollout))
 }
 
+/// How a rollout begins.
+#[derive(Debug, Clone, Copy)]
+struct Begun<'a> {
+    /// Of the moment of standing that it begins with.
+    seed: u64,
+    draws: &'a [Draw],
+    taste: usize,
+}
+
+impl Begun<'_> {
+    fn episode(&self, environment: &Environment) -> Episode {
+        let mut episode = environment.begin(&mut Pcg64::seed_from_u64(self.seed));
+        episode.tally.taste = self.taste;
+        episode
+    }
+}
+
+impl Candidate {
+    fn begun(&self) -> Begun<'_> {
+        Begun { seed: self.seed, draws: &self.draws, taste: self.taste }
+    }
+}
+
 fn play(
     environment: &Environment,
     policy: &Policy,
     map: &[(f32, f32)],
-    start_seed: u64,
-    prefix: &[Draw],
+    begun: Begun,
     seed: u64,
     spread: f32,
 ) -> Candidate {
     let mut rng = Pcg64::seed_from_u64(seed);
-    let mut episode = environment.begin(&mut Pcg64::seed_from_u64(start_seed));
-    let mut draws = prefix.to_vec();
+    let mut episode = begun.episode(environment);
+    let mut draws = begun.draws.to_vec();
     let end = play_on(environment, policy, map, &mut episode, &mut draws, spread, &mut rng);
     if end == EpisodeEnd::Complete {
         environment.hold(&mut episode);
     }
     let cost = cost(environment, end, &episode);
-    Candidate { seed: start_seed, draws, end, tally: episode.tally, cost }
+    Candidate { seed: begun.seed, draws, taste: begun.taste, end, tally: episode.tally, cost }
 }
 
 /// Plays `draws`, then what the policy draws, which is added to them, until the episode ends.
@@ -203,7 +234,7 @@ fn spare_arms(
                 for draw in &mut draws[block * count / blocks..(block + 1) * count / blocks] {
                     draw.vector[first..].fill(0.0);
                 }
-                play(environment, policy, map, best.seed, &draws, best.seed, 0.0)
+                play(environment, policy, map, Begun { draws: &draws, ..best.begun() }, best.seed, 0.0)
             })
             .collect();
         progress.check()?;
@@ -260,7 +291,7 @@ pub(crate) fn play_once(
 
 /// Plays a candidate again, keeping every posture; with the frame on which it ended before it was held.
 fn record(environment: &Environment, candidate: &Candidate) -> (Episode, usize) {
-    let mut episode = environment.begin(&mut Pcg64::seed_from_u64(candidate.seed));
+    let mut episode = candidate.begun().episode(environment);
     episode.record =
         Some(Motion { postures: vec![episode.character.posture], contacts: vec![episode.character.contact] });
     let mut state = vec![0.0; environment.state_size()];
@@ -308,9 +339,12 @@ fn cost_of(tally: &Tally, end: EpisodeEnd, met: bool, left: f32, shortest: f32, 
         + w.contact * tally.contact.mean()
         + w.detour * (tally.travelled - shortest).max(0.0)
         + w.second * seconds
+        + w.surge * tally.surge
         + w.offset * tally.offset / FRAME_RATE
         + w.in_own_body * tally.in_own_body as f32
         + w.own_depth * tally.own_depth
+        + w.held_depth * (tally.held_depth - DEEP).max(0.0)
+        + w.taste * tally.taste.min(FARTHEST_TASTE) as f32
 }
 
 #[cfg(test)]
@@ -340,9 +374,12 @@ mod tests {
             contact: 61.0,
             detour: 0.83,
             second: 0.29,
+            surge: 1.3,
             offset: 0.019,
             in_own_body: 0.33,
             own_depth: 1.9,
+            held_depth: 97.0,
+            taste: 1.35,
         }
     }
 
@@ -367,9 +404,12 @@ mod tests {
             worst_jolt: 1.7,
             contact,
             travelled: 4.3,
+            surge: 2.1,
             offset: 87.0,
             in_own_body: 11,
             own_depth: 0.41,
+            held_depth: 0.04,
+            taste: 2,
             residual: 0.06,
             facing: 0.17,
         }
@@ -394,9 +434,12 @@ mod tests {
             61.0 * 0.005,
             0.83 * (4.3 - 3.2),
             0.29 * 2.0,
+            1.3 * 2.1,
             0.019 * 87.0 / 30.0,
             0.33 * 11.0,
             1.9 * 0.41,
+            97.0 * 0.03,
+            2.7,
         ];
         let met: f32 = parts.iter().sum();
         close(cost_of(&t, EpisodeEnd::Complete, true, 7.0, 3.2, &w), met, 1e-3);
@@ -412,7 +455,8 @@ mod tests {
     /// One rollout of round 0.
     fn rollout(environment: &Environment, policy: &Policy, seed: u64, round: u64, i: u64) -> Candidate {
         let own = rollout_seed(seed, round, i);
-        play(environment, policy, &policy.normalizer.map(), own, &[], own, if i == 0 { 0.0 } else { 0.8 })
+        let begun = Begun { seed: own, draws: &[], taste: environment.taste_of(i) };
+        play(environment, policy, &policy.normalizer.map(), begun, own, if i == 0 { 0.0 } else { 0.8 })
     }
 
     #[test]
@@ -506,11 +550,12 @@ mod tests {
         let map = policy.normalizer.map();
         let best = rollout(&environment, &policy, 7, 0, 1);
         assert!(best.draws.len() > 3);
-        let branch = play(&environment, &policy, &map, best.seed, &best.draws[..2], 99, 0.7);
+        let branch =
+            play(&environment, &policy, &map, Begun { draws: &best.draws[..2], ..best.begun() }, 99, 0.7);
         assert_eq!(branch.draws[..2], best.draws[..2]);
         assert_ne!(branch.draws[2], best.draws[2]);
         assert_eq!(branch.seed, best.seed);
-        let whole = play(&environment, &policy, &map, best.seed, &best.draws, 99, 0.7);
+        let whole = play(&environment, &policy, &map, best.begun(), 99, 0.7);
         assert_eq!((whole.cost, whole.end, whole.tally), (best.cost, best.end, best.tally));
         // Without spread it is the policy's mean: no arm is lifted.
         let mean = rollout(&environment, &policy, 7, 0, 0);

@@ -1,7 +1,8 @@
 //! The action controller A: π(a_t | s_t, W, φ_A), optimized by PPO (LAMA, sections 3.2 and 3.4).
 //!
 //! `state` s_t = ψ(m_{t-1}, m_t, W, φ_A) → `policy` π → `signal` a_t → `episode` (S plays it in an `environment`,
-//! `reward` R_total judges it) → `ppo` improves π → `optimize` runs the loop and `kept` chooses the motion.
+//! `reward` R_total judges it) → `ppo` improves π → `optimize` runs the loop and `kept` chooses the motion
+//! to a take's `taste`.
 
 pub(crate) mod environment;
 pub(crate) mod episode;
@@ -15,6 +16,7 @@ pub(crate) mod robustness;
 pub(crate) mod rollout;
 pub(crate) mod signal;
 pub(crate) mod state;
+pub(crate) mod taste;
 
 pub use environment::Environment;
 pub use episode::{EpisodeEnd, Tally};

@@ -227,6 +227,8 @@ mod tests {
     #[test]
     fn each_version_is_read() {
         let mut now = kept();
+        // As it was when the file was written.
+        now.signal.pace = 1.05;
         let size = super::super::state::state_size(&now.state);
         let outputs = TYPE_COUNT + now.signal.vector_size();
         now.policy.policy = Mlp::new(&[size, 2, outputs], 0.01, &mut Pcg64::seed_from_u64(2));

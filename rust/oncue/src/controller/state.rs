@@ -10,6 +10,7 @@ use glam::Vec2;
 
 use super::environment::Environment;
 use super::policy::TYPE_COUNT;
+use super::taste::Taste;
 use crate::action::ActionType;
 use crate::library::database::FrameMatch;
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
@@ -72,12 +73,13 @@ const WAY_AHEAD: [f32; 3] = [0.5, 1.0, 2.0];
 const INTERACTION_SIZE: usize = 2 + 2 + 2 + 1 + 1 + 5 + ActionType::CUE_COUNT;
 
 /// Writes s_t to `out` (as long as [`state_size`]) and says what is open and proposed. `likely`: a database frame near
-/// which the best sit or stop may be found; it only speeds that up.
+/// which the best sit or stop may be found; it only speeds that up. `taste`: what is entered rather than something else.
 pub(crate) fn observe(
     environment: &Environment,
     character: &Character,
     before: &Posture,
     likely: Option<usize>,
+    taste: &Taste,
     out: &mut [f32],
 ) -> Observation {
     let settings = &environment.settings;
@@ -138,7 +140,7 @@ pub(crate) fn observe(
     }
     push(environment.task.cue.position.z - character.floor);
     push((distance / 3.0).min(2.0));
-    let action = find_action(environment, character, &query, distance, likely);
+    let action = find_action(environment, character, &query, distance, likely, taste);
     let a = action.as_ref();
     push(a.map_or(0.0, |a| f32::from(u8::from(a.accepted))));
     push(a.map_or(2.0, |a| a.position.min(2.0)));
@@ -150,7 +152,7 @@ pub(crate) fn observe(
 
     let remaining = environment.path.distance(here.position);
     // One second ahead at the pace, slower over the last half metre, and a look beyond.
-    let stride = settings.signal.pace * (remaining / 0.6).clamp(0.35, 1.0);
+    let stride = settings.signal.pace * taste.pace * (remaining / 0.6).clamp(0.35, 1.0);
     let follows = settings.state.clear_path || settings.signal.propose_clear_path;
     let [stride_end, beyond, way @ ..] = if follows {
         environment
@@ -200,6 +202,7 @@ fn find_action(
     query: &PoseFeature,
     distance: f32,
     likely: Option<usize>,
+    taste: &Taste,
 ) -> Option<ActionMatch> {
     let cue = &environment.task.cue;
     // From farther away than any action of the library reaches, none could be accepted.
@@ -212,25 +215,29 @@ fn find_action(
     let mut feature = [0.0; MAX_FEATURE];
     let size = feature_size(cue.action_type);
     write_feature(query, &Future::Complete(target, height), &mut feature[..size]);
-    let found = environment.database.search(cue.action_type, &feature[..size], likely)?;
-    let Some(Future::Complete(end, end_height)) = environment.database.future(cue.action_type, found.frame)
-    else {
-        return None;
+    let best_of = |passed_over: &[bool]| {
+        let found = environment.database.search(cue.action_type, &feature[..size], likely, passed_over)?;
+        let Some(Future::Complete(end, end_height)) =
+            environment.database.future(cue.action_type, found.frame)
+        else {
+            return None;
+        };
+        let posture = environment.transition_cost(query, found.frame);
+        let matched = ActionMatch {
+            found,
+            position: end.position.distance(target.position),
+            direction: wrap_angle(end.yaw - target.yaw).abs(),
+            height: cue.pelvis_height().map_or(0.0, |_| (end_height - height).abs()),
+            posture: posture.posture + posture.velocity,
+            accepted: false,
+        };
+        let accepted = matched.position <= settings.refuse_position
+            && matched.direction <= settings.refuse_direction
+            && matched.height <= settings.refuse_height
+            && matched.posture <= settings.refuse_posture;
+        Some(ActionMatch { accepted, ..matched })
     };
-    let posture = environment.transition_cost(query, found.frame);
-    let matched = ActionMatch {
-        found,
-        position: end.position.distance(target.position),
-        direction: wrap_angle(end.yaw - target.yaw).abs(),
-        height: cue.pelvis_height().map_or(0.0, |_| (end_height - height).abs()),
-        posture: posture.posture + posture.velocity,
-        accepted: false,
-    };
-    let accepted = matched.position <= settings.refuse_position
-        && matched.direction <= settings.refuse_direction
-        && matched.height <= settings.refuse_height
-        && matched.posture <= settings.refuse_posture;
-    Some(ActionMatch { accepted, ..matched })
+    best_of(taste.passed_over(cue.action_type))
 }
 
 /// The way to the cue from where the character is.
@@ -299,7 +306,8 @@ mod tests {
     fn look(world: &World, character: &Character) -> (Vec<f32>, Observation) {
         let environment = world.environment();
         let mut out = vec![f32::NAN; environment.state_size()];
-        let observation = observe(&environment, character, &character.posture, None, &mut out);
+        let observation =
+            observe(&environment, character, &character.posture, None, &Taste::default(), &mut out);
         assert!(out.iter().all(|v| v.is_finite()));
         (out, observation)
     }
@@ -431,7 +439,7 @@ mod tests {
         let before = character.posture;
         character.posture.rotations[1] = glam::Quat::from_rotation_z(0.1);
         let mut out = vec![f32::NAN; size];
-        observe(&environment, &character, &before, None, &mut out);
+        observe(&environment, &character, &before, None, &Taste::default(), &mut out);
         let rotations = &out[BODY_SIZE..];
         // The first columns of a turn by 0.1 about Z, and a fifth of their speed.
         let (sin, cos) = 0.1f32.sin_cos();

@@ -95,6 +95,12 @@ impl Tally {
     }
 }
 
+/// How deep the deepest part is in the scene, metres, where whoever sits has sat down.
+pub(crate) fn depth_in_scene(pose: &Pose, floor: f32, surroundings: &Surroundings) -> f32 {
+    let touches = in_scene(pose, usize::MAX, floor, surroundings);
+    touches.into_iter().map(|(_, depth, _)| depth).fold(0.0, f32::max)
+}
+
 /// The parts that are in the scene in a frame, how deep, and where the surface is.
 fn in_scene(
     pose: &Pose,

@@ -281,11 +281,18 @@ impl MotionDatabase {
         self.frames[frame].travelled.relative(self.frames[frame + ahead].travelled)
     }
 
-    /// k*: the best frame to enter for `query` (LAMA, eq. 2). `hint` only speeds the search up.
-    pub fn search(&self, action_type: ActionType, query: &[f32], hint: Option<usize>) -> Option<FrameMatch> {
+    /// k*: the best frame to enter for `query` (LAMA, eq. 2). `hint` only speeds the search up. Frames whose place among
+    /// [`MotionDatabase::entries`] is true in `passed_over` are not entered; it may be empty.
+    pub fn search(
+        &self,
+        action_type: ActionType,
+        query: &[f32],
+        hint: Option<usize>,
+        passed_over: &[bool],
+    ) -> Option<FrameMatch> {
         let index = &self.indices[action_type.index()];
         let hint = hint.and_then(|f| index.entries.get(f)).filter(|e| **e != u32::MAX).map(|e| *e as usize);
-        let found = index.search.nearest(query, hint)?;
+        let found = index.search.nearest(query, hint, passed_over)?;
         Some(FrameMatch { frame: index.frames[found.entry] as usize, cost: found.cost })
     }
 
@@ -301,9 +308,9 @@ impl MotionDatabase {
         self.indices[action_type.index()].reach
     }
 
-    /// How many frames may be entered for an action.
-    pub fn entry_count(&self, action_type: ActionType) -> usize {
-        self.indices[action_type.index()].frames.len()
+    /// The frames that may be entered for an action.
+    pub fn entries(&self, action_type: ActionType) -> &[u32] {
+        &self.indices[action_type.index()].frames
     }
 }
 

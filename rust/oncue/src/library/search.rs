@@ -134,22 +134,22 @@ impl SearchIndex {
     /// The exact best match of `query` (unweighted, as the features were), or `None` for an empty index.
     ///
     /// `hint` is an entry that is likely close: it only speeds the search up. Of equal costs the
-    /// lowest entry wins.
-    pub fn nearest(&self, query: &[f32], hint: Option<usize>) -> Option<Match> {
+    /// lowest entry wins. Entries whose place in `passed_over` says so are not found; it may be shorter than the index.
+    pub fn nearest(&self, query: &[f32], hint: Option<usize>, passed_over: &[bool]) -> Option<Match> {
         if self.entries == 0 {
             return None;
         }
-        let found = Level::current().run_in_eights(Nearest { index: self, query, hint });
+        let found = Level::current().run_in_eights(Nearest { index: self, query, hint, passed_over });
         // A query that holds what is no number is near to nothing.
         (found.entry != usize::MAX).then_some(found)
     }
 
     #[inline(always)]
-    fn nearest_impl(&self, query: &[f32], hint: Option<usize>) -> Match {
+    fn nearest_impl(&self, query: &[f32], hint: Option<usize>, passed_over: &[bool]) -> Match {
         let q = self.project(query);
         let mut best = Match { entry: usize::MAX, cost: f32::INFINITY };
         if let Some(hint) = hint.filter(|h| *h < self.entries) {
-            self.scan_block(self.place_of[hint] as usize / BLOCK_FRAMES, &q, &mut best);
+            self.scan_block(self.place_of[hint] as usize / BLOCK_FRAMES, &q, passed_over, &mut best);
         }
         let lower = self.group_lower.chunks_exact(BOXED * RANK);
         let upper = self.group_upper.chunks_exact(BOXED * RANK);
@@ -163,10 +163,11 @@ impl SearchIndex {
                 first = group;
             }
         }
-        self.scan_group(first, &q, &mut best);
+        self.scan_group(first, &q, passed_over, &mut best);
         for (group, bound) in bounds.iter().enumerate() {
-            if *bound <= best.cost && group != first {
-                self.scan_group(group, &q, &mut best);
+            // Where all is passed over so far, what lies past the last group must not be looked at.
+            if *bound <= best.cost && bound.is_finite() && group != first {
+                self.scan_group(group, &q, passed_over, &mut best);
             }
         }
         best
@@ -201,19 +202,19 @@ impl SearchIndex {
     }
 
     #[inline(always)]
-    fn scan_group(&self, group: usize, q: &[f32; 64], best: &mut Match) {
+    fn scan_group(&self, group: usize, q: &[f32; 64], passed_over: &[bool], best: &mut Match) {
         let boxes = group * BOXED * GROUP_BLOCKS..(group + 1) * BOXED * GROUP_BLOCKS;
         let bounds: [f32; GROUP_BLOCKS] =
             bounds_of(&self.block_lower[boxes.clone()], &self.block_upper[boxes], q);
         for (lane, bound) in bounds.into_iter().enumerate() {
             if bound <= best.cost && bound.is_finite() {
-                self.scan_block(group * GROUP_BLOCKS + lane, q, best);
+                self.scan_block(group * GROUP_BLOCKS + lane, q, passed_over, best);
             }
         }
     }
 
     #[inline(always)]
-    fn scan_block(&self, block: usize, q: &[f32; 64], best: &mut Match) {
+    fn scan_block(&self, block: usize, q: &[f32; 64], passed_over: &[bool], best: &mut Match) {
         let data =
             &self.data[block * BLOCK_FRAMES * self.components..(block + 1) * BLOCK_FRAMES * self.components];
         let mut cost = [0.0f32; BLOCK_FRAMES];
@@ -235,7 +236,8 @@ impl SearchIndex {
         for (lane, &cost) in cost.iter().enumerate() {
             let Some(&entry) = self.entry_at.get(block * BLOCK_FRAMES + lane) else { break };
             let entry = entry as usize;
-            if cost < best.cost || (cost == best.cost && entry < best.entry) {
+            let nearer = cost < best.cost || (cost == best.cost && entry < best.entry);
+            if nearer && !passed_over.get(entry).is_some_and(|over| *over) {
                 *best = Match { entry, cost };
             }
         }
@@ -247,6 +249,7 @@ struct Nearest<'a> {
     index: &'a SearchIndex,
     query: &'a [f32],
     hint: Option<usize>,
+    passed_over: &'a [bool],
 }
 
 impl Kernel for Nearest<'_> {
@@ -255,7 +258,7 @@ impl Kernel for Nearest<'_> {
     /// The compiler lays the sums over blocks out in whatever vectors the level has.
     #[inline(always)]
     fn run<S: Simd>(self, _simd: S) -> Match {
-        self.index.nearest_impl(self.query, self.hint)
+        self.index.nearest_impl(self.query, self.hint, self.passed_over)
     }
 }
 
@@ -365,7 +368,7 @@ mod tests {
             .collect()
     }
 
-    fn brute_force(features: &[f32], weights: &[f32], query: &[f32]) -> (usize, f64) {
+    fn brute_force(features: &[f32], weights: &[f32], query: &[f32], passed_over: &[bool]) -> (usize, f64) {
         let mut best = (0, f64::INFINITY);
         for (k, y) in features.chunks_exact(weights.len()).enumerate() {
             let cost: f64 = y
@@ -374,7 +377,7 @@ mod tests {
                 .zip(weights)
                 .map(|((y, x), w)| (f64::from(*w) * f64::from(x - y)).powi(2))
                 .sum();
-            if cost < best.1 {
+            if cost < best.1 && !passed_over.get(k).is_some_and(|over| *over) {
                 best = (k, cost);
             }
         }
@@ -392,10 +395,13 @@ mod tests {
             for _ in 0..8 {
                 let k = rng.random_range(0..entries);
                 let query: Vec<f32> = y[k * size..(k + 1) * size].iter().map(|v| v + noise * rng.random_range(-1.0..1.0)).collect();
-                let (entry, cost) = brute_force(&y, &weights, &query);
+                // Nothing is passed over, or all but every third.
+                let passed_over: Vec<bool> = if seed % 3 == 0 { Vec::new() } else { (0..entries).map(|k| k % 3 != 0).collect() };
+                let (entry, cost) = brute_force(&y, &weights, &query, &passed_over);
                 let hint = (seed % 2 == 0).then_some(k);
-                let found = index.nearest(&query, hint).expect("not empty");
-                let portable = Level::Portable.run_in_eights(Nearest { index: &index, query: &query, hint });
+                let found = index.nearest(&query, hint, &passed_over).expect("not empty");
+                let portable = Level::Portable.run_in_eights(Nearest { index: &index, query: &query, hint, passed_over: &passed_over });
+                prop_assert!(!passed_over.get(found.entry).is_some_and(|over| *over));
                 prop_assert_eq!(found, portable);
                 // Two frames may tie to the last bit of f32; then either is exact.
                 let tolerance = 1e-3 * (1.0 + cost);
@@ -406,9 +412,17 @@ mod tests {
     }
 
     #[test]
+    fn who_passes_over_all_finds_nothing() {
+        let y = features(3, 40, 4);
+        let index = SearchIndex::build(ArrayView2::from_shape((40, 4), &y).expect("a matrix"), &[1.0; 4]);
+        assert_eq!(index.nearest(&y[..4], Some(0), &[true; 40]), None);
+        assert_eq!(index.nearest(&y[..4], None, &[true; 39]).map(|m| m.entry), Some(39));
+    }
+
+    #[test]
     fn an_empty_index_finds_nothing() {
         assert_eq!(
-            SearchIndex::build(ArrayView2::from(&[[0.0; 2]; 0]), &[1.0, 2.0]).nearest(&[0.0, 0.0], None),
+            SearchIndex::build(ArrayView2::from(&[[0.0; 2]; 0]), &[1.0, 2.0]).nearest(&[0.0, 0.0], None, &[]),
             None
         );
     }

@@ -112,7 +112,7 @@ impl Default for SignalSettings {
             largest_offset: 0.7 * std::f32::consts::PI,
             posture_offset: true,
             propose_clear_path: true,
-            pace: 1.05,
+            pace: 1.15,
         }
     }
 }

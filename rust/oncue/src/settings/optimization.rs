@@ -120,6 +120,11 @@ pub struct KeptSettings {
     /// Where the way is narrow, rollouts vary a^offset by at least this standard deviation, radians (0: as the policy has
     /// it).
     pub narrow_offset: f32,
+    /// Among so many consecutive seeds the library's sits and stops are shared out, so that these seeds differ as takes do
+    /// (1: each enters whatever fits best).
+    pub takes: usize,
+    /// From -1 (calm) over 0 (as it comes) to 1 (lively): the pace, and how much moves in the clips that are entered.
+    pub liveliness: f32,
     /// What makes one motion better than another.
     pub weights: CostWeights,
 }
@@ -137,6 +142,8 @@ impl KeptSettings {
                 branches: 1..=10_000,
                 more_rounds: 0..=1000,
                 narrow_offset: 0.0..=10.0,
+                takes: 1..=1000,
+                liveliness: -1.0..=1.0,
             },
             free { weights }
         );
@@ -152,6 +159,8 @@ impl Default for KeptSettings {
             branches: 6,
             more_rounds: 9,
             narrow_offset: 0.2,
+            takes: 5,
+            liveliness: 0.0,
             weights: CostWeights::default(),
         }
     }
@@ -196,12 +205,18 @@ pub struct CostWeights {
     pub detour: f32,
     /// A second.
     pub second: f32,
+    /// A change of the pace, per m/s: people walk steadily.
+    pub surge: f32,
     /// Posture offset, per squared radian and second.
     pub offset: f32,
     /// A frame in which a limb is in the own body.
     pub in_own_body: f32,
     /// How deep it is there, per metre and frame.
     pub own_depth: f32,
+    /// How deep the held posture is in the scene, per metre beyond the first centimetre.
+    pub held_depth: f32,
+    /// Each step away from the take's own taste.
+    pub taste: f32,
 }
 
 impl CostWeights {
@@ -230,9 +245,12 @@ impl CostWeights {
                 contact: ANY,
                 detour: ANY,
                 second: ANY,
+                surge: ANY,
                 offset: ANY,
                 in_own_body: ANY,
                 own_depth: ANY,
+                held_depth: ANY,
+                taste: ANY,
             },
             free {}
         );
@@ -260,9 +278,12 @@ impl Default for CostWeights {
             contact: 60.0,
             detour: 0.8,
             second: 0.25,
+            surge: 3.0,
             offset: 0.05,
             in_own_body: 0.05,
             own_depth: 2.0,
+            held_depth: 200.0,
+            taste: 3.0,
         }
     }
 }

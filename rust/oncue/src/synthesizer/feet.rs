@@ -524,6 +524,24 @@ mod tests {
     }
 
     #[test]
+    fn a_knee_bends_in_the_plane_it_bent_in() {
+        // A knee that is bent straight ahead, and an ankle that goes 30 cm to the left.
+        let mut posture = Posture { root_position: Vec3::Z * 0.9, ..Posture::default() };
+        posture.rotations[Joint::LeftUpLeg.index()] = Quat::from_rotation_x(0.4);
+        posture.rotations[Joint::LeftLeg.index()] = Quat::from_rotation_x(-0.8);
+        let mut pose = posture.pose();
+        let hip = pose.position(Joint::LeftUpLeg);
+        let ankle = pose.position(Joint::LeftFoot) + Vec3::X * 0.3;
+        let bent = pose.position(Joint::LeftLeg).y - hip.y;
+        assert!(bent.abs() > 0.1, "{bent}");
+        bend_leg(0, ankle, Quat::IDENTITY, &mut posture, &mut pose);
+        assert!(pose.position(Joint::LeftFoot).distance(ankle) < 1e-3);
+        let (knee, way) = (pose.position(Joint::LeftLeg) - hip, (ankle - hip).normalize());
+        let aside = knee - way * knee.dot(way);
+        assert!(aside.x.abs() < 3e-3 && aside.z.abs() < 3e-3 && aside.y * bent > 0.005, "{aside}");
+    }
+
+    #[test]
     fn a_sole_is_held_whole_while_the_root_moves_and_turns_over_it() {
         let mut foot = Foot::standing(&at(0.0), stand(), 0);
         assert!(foot.stands());

@@ -84,11 +84,14 @@ pub(super) fn pelvis_share(height: f32) -> f32 {
     mix(0.15, 0.50, ((height - 0.31) / 0.19).clamp(0.0, 1.0))
 }
 
-/// How far the trunk leans back once seated, radians: far on what is as low as a sofa, not on a stool.
+/// How far anybody leans over the thighs once seated, radians.
+const MOST_FORWARD: f32 = 0.40;
+
+/// How far the trunk leans back once seated, radians, forwards where negative: far on what is as low as a sofa, not on a stool.
 pub(super) fn recline(plan: &Plan) -> f32 {
     plan.seat.map_or(0.0, |seat| {
         let usual = mix(0.13, 0.02, ((seat.height - 0.38) / 0.26).clamp(0.0, 1.0));
-        if seat.at_table { 0.02 } else { (usual + plan.style.seated.recline).max(0.0) }
+        if seat.at_table { 0.02 } else { (usual + plan.style.seated.recline).max(-MOST_FORWARD) }
     })
 }
 

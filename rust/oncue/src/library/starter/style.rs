@@ -54,6 +54,17 @@ const HAND_RESTS: [[HandRest; 2]; 6] = [
     [NEAR_THE_KNEE, IN_THE_LAP],
 ];
 
+/// The trunk of who sits: how far it leans back beyond the mean, radians, and which of [`HAND_RESTS`] go with it.
+const ATTITUDES: [(f32, &[usize]); 4] = [
+    // Upright, hands anywhere.
+    (0.0, &[0, 1, 2, 3, 4, 5]),
+    (0.0, &[0, 1, 2, 3, 4, 5]),
+    // Leaning over the thighs, hands out towards the knees.
+    (-0.45, &[2, 4, 2]),
+    // Leaning back, hands near the hips.
+    (0.17, &[0, 1, 3]),
+];
+
 /// How one sits down, sits and gets up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Manner {
@@ -61,7 +72,7 @@ pub(super) struct Manner {
     pub pace: f32,
     /// Lean on the way, of the usual.
     pub bow: f32,
-    /// Radians that the trunk leans back beyond the mean once seated.
+    /// Radians that the trunk leans back beyond the mean once seated; forwards where negative.
     pub recline: f32,
     /// Metres between the ankles.
     pub width: f32,
@@ -93,8 +104,10 @@ impl Manner {
 
     fn of_clip(index: u64) -> Self {
         let mut random = Pcg64Mcg::seed_from_u64(0x5EA7_0000 + index);
-        let kind = random.random_range(0..HAND_RESTS.len());
-        let other = (kind + random.random_range(1..HAND_RESTS.len())) % HAND_RESTS.len();
+        let (attitude, rests) = ATTITUDES[random.random_range(0..ATTITUDES.len())];
+        let kind = random.random_range(0..rests.len());
+        let other = rests[(kind + random.random_range(1..rests.len())) % rests.len()];
+        let kind = rests[kind];
         let hands = [HAND_RESTS[kind], HAND_RESTS[other]];
         // None, one, or rarely both.
         let reach = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [1.0, 1.0]]
@@ -105,7 +118,7 @@ impl Manner {
         Self {
             pace: about(1.0, 0.1),
             bow: about(1.0, 0.12),
-            recline: about(0.0, 0.035),
+            recline: attitude + about(0.0, 0.035),
             width: about(0.285, 0.045),
             stagger: ahead * about(0.09, 0.03),
             knees: about(0.15, 0.09),
