@@ -224,17 +224,18 @@ def run_group(
     try:
         subprocess.run([*command, "--", *test_arguments(tests)], cwd=TREE, env=environment(), check=False)
     finally:
-        read_outcomes(outcomes)
+        read_outcomes(outcomes, {mutant["name"] for mutant in drawn})
 
 
-def read_outcomes(outcomes: dict[str, list[str]]) -> None:
-    """Adds what cargo-mutants says of its last run."""
+def read_outcomes(outcomes: dict[str, list[str]], drawn: set[str]) -> None:
+    """Adds what cargo-mutants says of the drawn mutants in its last run."""
     for outcome in json.loads((FOLDER / "mutants.out" / "outcomes.json").read_text())["outcomes"]:
         if outcome["scenario"] == "Baseline":
             if outcome["summary"] != "Success":
                 sys.exit("The tests fail without any mutant; see .nox/mutants/mutants.out/log.")
-        else:
-            outcomes[outcome["summary"]].append(outcome["scenario"]["Mutant"]["name"])
+        elif (name := outcome["scenario"]["Mutant"]["name"]) in drawn:
+            # A deleted field on a line that was drawn is made, but was not drawn itself.
+            outcomes[outcome["summary"]].append(name)
 
 
 def diff_of_lines(drawn: list[dict[str, Any]]) -> str:

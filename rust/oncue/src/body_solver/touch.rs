@@ -9,9 +9,11 @@ use crate::motion::skeleton::LEG_LENGTH;
 use crate::motion::{Joint, Pose, Posture};
 use crate::scene::SceneIndex;
 
-/// Half a thigh's thickness and half the trunk's depth, metres: those of the box nodes B.
+/// Half a thigh's thickness, metres: that of the box nodes B.
 const THIGH_RADIUS: f32 = 0.05;
-const BACK_DEPTH: f32 = 0.08;
+/// How far the back is behind the spine, metres: half a centimetre to a centimetre less than the trunk's girth (`anatomy`), which
+/// gives as much where it leans.
+const BACK_DEPTH: f32 = 0.09;
 /// σ of thighs in the seat and of the back in the backrest, metres.
 const TOUCH_SIGMA: f32 = 2e-3;
 /// A seat that the body is deeper in than this is not looked for, metres: what lies higher over a thigh's underside is a desk
