@@ -1,5 +1,7 @@
 """Scenes in: what is accepted, what is copied, what is refused and in which words."""
 
+import math
+
 import numpy as np
 import oncue_core
 import pytest
@@ -140,3 +142,18 @@ def test_a_task_is_indexed_on_the_level_that_carries_its_start():
     oncue_core.check_task(scene, task)
     with pytest.raises(InputError, match="task"):
         oncue_core.index_scene(positions, triangles, None, {"start": 3})
+
+
+def test_a_cue_in_the_middle_of_a_bed_has_an_edge():
+    positions, triangles = joined(box((-4, -4, -0.1), (4, 4, 0)), box((-1, -1, 0), (1, 1, 0.5)))
+    task = {
+        "start": {"name": "Start", "position": [-3.0, 0.0, 0.0], "yaw": 1.5},
+        "cue": {"name": "Sit", "action_type": "sit", "position": [0.0, 0.0, 0.6], "yaw": math.radians(-90)},
+    }
+    scene = oncue_core.index_scene(positions, triangles, None, task).result()
+    with pytest.raises(oncue_core.EdgeError, match=r"The nearest edge to sit on is 0\.[78]\d m away") as said:
+        oncue_core.check_task(scene, task)
+    # In its own direction, a seat's depth from the rim, as high as before.
+    assert said.value.place == pytest.approx((-0.78, 0.0, 0.6), abs=0.05)
+    assert said.value.yaw == pytest.approx(math.radians(-90), abs=1e-3)
+    oncue_core.check_task(scene, {**task, "cue": {**task["cue"], "position": list(said.value.place)}})

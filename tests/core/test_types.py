@@ -135,6 +135,19 @@ def test_every_other_dict_has_what_its_type_says(bench_scene, library, played, t
     figures = oncue_core.motion_figures(*motion, 0, len(played.contacts))
     check(figures, oncue_core.MotionFigures)
     check(figures["smoothness"], oncue_core.Smoothness)
+    report = played.report
+    seen = oncue_core.measure_motion(
+        *motion, sit_on_the_bench(), report["cues"][0]["frame"], report["action_from"], bench_scene
+    ).result()
+    check(seen, oncue_core.Measured)
+    # What a report says of its own motion.
+    assert all(seen[part] == report[part] for part in ("cues", "foot", "penetration", "body"))
+    without = oncue_core.measure_motion(*motion, sit_on_the_bench(), 0).result()
+    check(without, oncue_core.Measured)
+    assert without["penetration"] is None
+    assert without["body"]["scene"] is None
+    assert not without["cues"][0]["met"]
+    assert "was missed by" in without["problems"][0]
     wanted = {"name": "Head", "joint": "Head", "first_frame": 5, "positions": [[0.0, 0.0, 1.6]], "soft": True}
     job = oncue_core.edit_motion(*motion, [wanted])
     check(job.progress(), oncue_core.ProgressSnapshot)

@@ -26,6 +26,7 @@ from ._native import (
     edit_motion,
     fit_seat,
     index_scene,
+    measure_motion,
     motion_figures,
     optimize_policy,
     pass_moving,
@@ -37,7 +38,7 @@ from ._native import (
     synthesize,
     train_manifold,
 )
-from .errors import Cancelled, DamagedFileError, DataFileError, InputError, NewerFileError, OncueError
+from .errors import Cancelled, DamagedFileError, DataFileError, EdgeError, InputError, NewerFileError, OncueError
 from .types import (
     ActionCue,
     BeyondLimit,
@@ -62,6 +63,7 @@ from .types import (
     ManifoldFigures,
     ManipulationCue,
     ManipulationFigures,
+    Measured,
     Meeting,
     MotionFigures,
     OwnBodyFigures,
@@ -116,6 +118,7 @@ __all__ = [
     "DamagedFileError",
     "DataFileError",
     "DescentStyle",
+    "EdgeError",
     "EditFigures",
     "EditedFigures",
     "EditedMotion",
@@ -135,6 +138,7 @@ __all__ = [
     "ManifoldFigures",
     "ManipulationCue",
     "ManipulationFigures",
+    "Measured",
     "Meeting",
     "MotionFigures",
     "MovingObject",
@@ -185,6 +189,7 @@ __all__ = [
     "edit_motion",
     "fit_seat",
     "index_scene",
+    "measure_motion",
     "motion_figures",
     "optimize_policy",
     "pass_moving",

@@ -20,6 +20,7 @@ from .types import (
     LearningFigures,
     ManifoldFigures,
     ManipulationCue,
+    Measured,
     MotionFigures,
     Passing,
     Point,
@@ -51,6 +52,7 @@ __all__ = [
     "edit_motion",
     "fit_seat",
     "index_scene",
+    "measure_motion",
     "motion_figures",
     "optimize_policy",
     "pass_moving",
@@ -333,11 +335,13 @@ def synthesize(
     seed: int = 0,
     policy: Policy | None = None,
     manifold: Manifold | None = None,
+    stays: SceneIndex | None = None,
 ) -> Job[Synthesis]:
     """Synthesizes the motion of a task; the same seed, policy and manifold give the same motion on any number of cores.
 
     `policy`: one of the same scene and library. Where the prior fails and this one serves the task, nothing is
     optimized; else it is fine-tuned. `manifold`: what seat and hands are fitted along, another than the one that ships.
+    `stays`: what the motion is measured in, where `scene` holds what will have moved by then.
     InputError for unknown settings and malformed tasks at once; from the job for a task that cannot be met, before
     anything is optimized.
     """
@@ -425,6 +429,26 @@ def motion_figures(
     """How frames `first` to `end` run: how smoothly, how near the manifold, how the feet stand, what an eye sees first.
 
     Frames in the answer count from `first`.
+    """
+
+def measure_motion(
+    root_positions: NDArray[np.float32],
+    rotations: NDArray[np.float32],
+    contacts: NDArray[np.float32],
+    task: Task,
+    complete: int,
+    action_from: int | None = None,
+    scene: SceneIndex | None = None,
+    settings: Settings | None = None,
+    moving: Sequence[MovingObject] = ...,
+    wait: int = 0,
+) -> Job[Measured]:
+    """What a report tells of a motion's looks, of any motion for the task: how it meets its cue at the frame `complete`, how
+    the feet stand, and what an eye sees.
+
+    `action_from`: the frame from which on the person sits down, after which the seat is no obstacle. `scene`: what stays
+    where it is. `moving`: what does not, which `penetration` counts where it stands `wait` frames after each frame.
+    InputError for arrays of another shape, malformed tasks and unknown settings at once.
     """
 
 def default_settings(preset: str = "default") -> Settings:

@@ -12,6 +12,17 @@ class InputError(OncueError, ValueError):
     """A cue, a start, a setting or an array that cannot be met as given, or a task that nothing can fulfil."""
 
 
+class EdgeError(InputError):
+    """A cue that lies too far from the edge of its seat to be sat down on.
+
+    `place`, world, metres, and `yaw`, radians: where and how it could be.
+    """
+
+    def __init__(self, sentence: str, place: tuple[float, float, float], yaw: float) -> None:
+        super().__init__(sentence)
+        self.place, self.yaw = place, yaw
+
+
 class DataFileError(OncueError):
     """A motion capture or Oncue file that is damaged, too new or of another kind."""
 

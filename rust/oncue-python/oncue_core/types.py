@@ -584,7 +584,7 @@ class PenetrationFigures(TypedDict):
 
 
 class Meeting(TypedDict):
-    """A moving object that the body runs into: on `frames` of the frames `first` to before `end`."""
+    """A moving object that the body runs into: on `frames` of the frames `first` to before `end`, deepest in `frame`."""
 
     object: str
     part: str
@@ -592,13 +592,28 @@ class Meeting(TypedDict):
     end: int
     frames: int
     depth_cm: float
+    frame: int
 
 
 class Passing(TypedDict):
-    """How a motion gets past what moves: after how many frames of waiting, and what it runs into."""
+    """How a motion gets past what moves: after how many frames of waiting, and what it runs into.
+
+    `percent`: of the frames, in which it is in any of them.
+    """
 
     wait: int
     meetings: list[Meeting]
+    percent: float
+
+
+class Measured(TypedDict):
+    """What can be seen of a motion, whoever made it; as in a report. `penetration`: None without a scene."""
+
+    cues: list[Residual]
+    foot: FootFigures
+    penetration: PenetrationFigures | None
+    body: BodyFigures
+    problems: list[str]
 
 
 class SpeedFigures(TypedDict):
@@ -641,6 +656,7 @@ class Report(TypedDict):
     success: bool
     problems: list[str]
     cues: list[Residual]
+    action_from: int | None
     foot: FootFigures
     penetration: PenetrationFigures
     speed: SpeedFigures

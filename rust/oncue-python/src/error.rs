@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 
 pyo3::import_exception!(oncue_core.errors, OncueError);
 pyo3::import_exception!(oncue_core.errors, InputError);
+pyo3::import_exception!(oncue_core.errors, EdgeError);
 pyo3::import_exception!(oncue_core.errors, DataFileError);
 pyo3::import_exception!(oncue_core.errors, DamagedFileError);
 pyo3::import_exception!(oncue_core.errors, NewerFileError);
@@ -21,6 +22,9 @@ pub fn to_python(failure: Failure) -> PyErr {
         Failure::Panic(_) => PyRuntimeError::new_err(failure.to_string()),
         Failure::Error(error) => match &error {
             Error::Input(_) | Error::Unreachable(_) => InputError::new_err(error.to_string()),
+            Error::FarFromEdge { sentence, place, yaw } => {
+                EdgeError::new_err((sentence.clone(), (place.x, place.y, place.z), *yaw))
+            }
             Error::DataFile { fault: FileFault::Damaged | FileFault::Foreign, .. } => {
                 DamagedFileError::new_err(error.to_string())
             }

@@ -124,6 +124,20 @@ impl MovingObject {
     }
 }
 
+/// The core's own of what moves. `Input` for a mesh or poses that are none.
+pub fn built(
+    objects: &[Py<MovingObject>],
+    progress: &oncue::Progress,
+) -> oncue::Result<Vec<oncue::scene::MovingObject>> {
+    objects
+        .iter()
+        .map(|object| {
+            let MovingObject { name, positions, triangles, poses } = object.get();
+            oncue::scene::MovingObject::build(name, positions, triangles, poses, progress)
+        })
+        .collect()
+}
+
 /// How a motion gets past what moves, each frame against where everything stands on it; with the frames that the person waits
 /// at the start to do so.
 #[pyfunction]
@@ -142,20 +156,7 @@ pub fn pass_moving(
     Job::start(
         move |progress| {
             progress.stage("Looking at what moves");
-            let built: oncue::Result<Vec<_>> = objects
-                .iter()
-                .map(|object| {
-                    let object = object.get();
-                    oncue::scene::MovingObject::build(
-                        &object.name,
-                        &object.positions,
-                        &object.triangles,
-                        &object.poses,
-                        progress,
-                    )
-                })
-                .collect();
-            passing::pass_moving(&motion, &built?, &options, progress)
+            passing::pass_moving(&motion, &built(&objects, progress)?, &options, progress)
         },
         |py, passing| Ok(json::to_python(py, &passing)?.unbind()),
     )

@@ -5,7 +5,7 @@ use std::time::Instant;
 use numpy::{PyArray2, PyArray3};
 use oncue::editor::shipped_manifold;
 use oncue::motion::FRAME_RATE;
-use oncue::{ActionType, Settings, Task};
+use oncue::{ActionType, Around, Settings, Task};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -14,9 +14,9 @@ use crate::job::Job;
 use crate::json;
 use crate::library::Library;
 use crate::manifold::Manifold;
-use crate::motion::{MotionArrays, to_arrays};
+use crate::motion::{MotionArrays, from_arrays, to_arrays};
 use crate::policy::Policy;
-use crate::scene::SceneIndex;
+use crate::scene::{MovingObject, SceneIndex, built};
 
 /// A motion and its report.
 #[pyclass(frozen, get_all, module = "oncue_core")]
@@ -51,7 +51,7 @@ impl Synthesis {
 
 /// Synthesizes the motion of a task; the same seed and policy give the same motion on any number of cores.
 #[pyfunction]
-#[pyo3(signature = (scene, library, task, settings=None, seed=0, policy=None, manifold=None))]
+#[pyo3(signature = (scene, library, task, settings=None, seed=0, policy=None, manifold=None, stays=None))]
 #[allow(clippy::too_many_arguments)] // Python's face: all but three have names and defaults there.
 pub fn synthesize(
     scene: &SceneIndex,
@@ -61,12 +61,14 @@ pub fn synthesize(
     seed: u64,
     policy: Option<&Policy>,
     manifold: Option<&Manifold>,
+    stays: Option<&SceneIndex>,
 ) -> PyResult<Job> {
     let task: Task = json::from_dict("task", task)?;
     let settings: Settings = json::from_optional_dict("settings", settings)?;
     let policy = policy.map(|p| p.inner.clone());
     let manifold = manifold.map(|m| m.inner.clone());
     let scene = scene.inner.clone();
+    let stays = stays.map(|s| s.inner.clone());
     let (library, database) = library.database();
     Job::start(
         move |progress| {
@@ -76,12 +78,52 @@ pub fn synthesize(
             let manifold = manifold.as_deref().or_else(|| shipped_manifold());
             let policy = policy.as_deref();
             let mut done = oncue::synthesize_along(
-                manifold, &scene, &database, &task, policy, &settings, seed, progress,
+                manifold,
+                &scene,
+                stays.as_deref(),
+                &database,
+                &task,
+                policy,
+                &settings,
+                seed,
+                progress,
             )?;
             done.report.seconds.insert("prepare".to_owned(), prepared);
             Ok(done)
         },
         |py, synthesis| Ok(Py::new(py, Synthesis::new(py, synthesis)?)?.into_any()),
+    )
+}
+
+/// What a report tells of a motion's looks, of any motion for the task.
+#[pyfunction]
+#[pyo3(signature = (root_positions, rotations, contacts, task, complete, action_from=None, scene=None, settings=None, moving=vec![], wait=0))]
+#[allow(clippy::too_many_arguments)] // Python's face: the last five have names and defaults there.
+pub fn measure_motion(
+    root_positions: &Bound<'_, PyAny>,
+    rotations: &Bound<'_, PyAny>,
+    contacts: &Bound<'_, PyAny>,
+    task: &Bound<'_, PyDict>,
+    complete: usize,
+    action_from: Option<usize>,
+    scene: Option<&SceneIndex>,
+    settings: Option<&Bound<'_, PyDict>>,
+    moving: Vec<Py<MovingObject>>,
+    wait: usize,
+) -> PyResult<Job> {
+    let motion = from_arrays(root_positions, rotations, contacts)?;
+    let task: Task = json::from_dict("task", task)?;
+    let settings: Settings = json::from_optional_dict("settings", settings)?;
+    let scene = scene.map(|s| s.inner.clone());
+    Job::start(
+        move |progress| {
+            progress.stage("Measuring");
+            settings.validate()?;
+            let moving = built(&moving, progress)?;
+            let around = Around { scene: scene.as_deref(), moving: &moving, wait };
+            Ok(oncue::measure(&motion, &around, &task, complete, action_from, &settings))
+        },
+        |py, measured| Ok(json::to_python(py, &measured)?.unbind()),
     )
 }
 

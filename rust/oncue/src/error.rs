@@ -4,6 +4,8 @@
 
 use std::path::PathBuf;
 
+use glam::Vec3;
+
 /// What is amiss with a file that Oncue may have made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FileFault {
@@ -29,6 +31,16 @@ pub enum Error {
     /// Nothing in the scene or the library could fulfil the task; the sentence says why.
     #[error("{0}")]
     Unreachable(String),
+    /// A cue that lies too far from the edge of its seat to be sat down on.
+    #[error("{sentence}")]
+    FarFromEdge {
+        /// The whole of what is said.
+        sentence: String,
+        /// Where it could be, world, metres.
+        place: Vec3,
+        /// Facing where, radians.
+        yaw: f32,
+    },
     /// A motion capture file that stays unreadable.
     #[error("{file}: {reason}")]
     MocapFile {

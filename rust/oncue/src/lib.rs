@@ -92,4 +92,4 @@ pub use motion::{Motion, Posture};
 pub use progress::Progress;
 pub use scene::SceneIndex;
 pub use settings::Settings;
-pub use synthesize::{Synthesis, synthesize, synthesize_along};
+pub use synthesize::{Around, Measured, Synthesis, measure, synthesize, synthesize_along};

@@ -13,7 +13,7 @@ use crate::math::rotation::{angle_between, wrap_angle};
 use crate::motion::skeleton::TOE_HEIGHT;
 use crate::motion::speed::{accelerations, joint_turns};
 use crate::motion::{BODY_BOXES, FRAME_RATE, JOINT_COUNT, Joint, Limb, Motion, Pose, Posture};
-use crate::scene::SceneIndex;
+use crate::scene::{MovingObject, SceneIndex};
 
 /// How well the feet stand.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -328,17 +328,39 @@ pub fn penetration_figures(
     ignore_below: f32,
     seat: Option<(usize, f32)>,
 ) -> PenetrationFigures {
+    penetration_among(motion, scene, &[], 0, floor, ignore_below, seat)
+}
+
+/// The same, also in what moves, each frame in where it stands `wait` frames later.
+pub fn penetration_among(
+    motion: &Motion,
+    scene: &SceneIndex,
+    moving: &[MovingObject],
+    wait: usize,
+    floor: f32,
+    ignore_below: f32,
+    seat: Option<(usize, f32)>,
+) -> PenetrationFigures {
     let (mut both, mut legs, mut arms, mut body) = (0, 0, 0, 0);
     let mut parts: BTreeMap<Limb, usize> = BTreeMap::new();
     for (frame, posture) in motion.postures.iter().enumerate() {
         let above = floor + ignore_below;
         let pose = posture.pose();
         // The paper's measure leaves nothing out; the seat is left out of the whole body's alone.
-        let all = scene.body_intersections(&pose, above);
-        let counts = match seat.filter(|(from, _)| frame >= *from) {
+        let mut all = scene.body_intersections(&pose, above);
+        let sits = seat.filter(|(from, _)| frame >= *from);
+        let mut counts = match sits {
             Some((_, seat)) => scene.seated_intersections(&pose, above, seat),
             None => all,
         };
+        for object in moving {
+            let more = object.body_intersections(&pose, frame + wait, above);
+            for (i, node) in BODY_BOXES.iter().enumerate() {
+                all[i] += more[i];
+                // The seat may be what has moved.
+                counts[i] += if sits.is_some() && node.is_carried() { 0 } else { more[i] };
+            }
+        }
         let of = |limb: Limb| -> u32 {
             BODY_BOXES.iter().zip(&all).filter(|(b, _)| b.limb == limb).map(|(_, c)| c).sum()
         };
@@ -505,6 +527,45 @@ mod tests {
         // A lower seat does not carry what lies higher, and the paper's measure leaves nothing out.
         close(whole(Some((0, 0.60))), 200.0 / 3.0);
         close(penetration_figures(&motion, &scene, 0.0, 0.1, Some((0, 0.70))).legs_percent, 200.0 / 3.0);
+    }
+
+    #[test]
+    fn what_moves_counts_where_it_stands_on_the_frame() {
+        let (mut motion, _) = four_frames();
+        motion.postures.truncate(3);
+        motion.contacts.truncate(3);
+        let scene = crate::test_world::scene(&[([-1.0, -1.0, -0.1], [8.0, 1.0, 0.0])]);
+        // The board through both thighs of the second frame, which comes from above and is there on its frame `at`.
+        let board = |at: usize| {
+            let (lo, hi) = (Vec3::new(1.8, -0.3, 0.70), Vec3::new(2.2, 0.3, 0.72));
+            let corner =
+                |i: usize| Vec3::select(glam::BVec3::new(i & 1 == 1, i & 2 == 2, i & 4 == 4), hi, lo);
+            let triangles =
+                [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]];
+            let ends = [[0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]];
+            let triangles: Vec<[u32; 3]> = triangles.into_iter().chain(ends).collect();
+            let pose = |frame: usize| (Vec3::Z * if frame == at { 0.0 } else { 9.0 }, glam::Quat::IDENTITY);
+            let poses: Vec<_> = (0..at + 2).map(pose).collect();
+            let corners: Vec<Vec3> = (0..8).map(corner).collect();
+            MovingObject::build("Board", &corners, &triangles, &poses, &crate::Progress::new())
+                .expect("a board")
+        };
+        let whole = |at: usize, wait: usize, seat| {
+            penetration_among(&motion, &scene, &[board(at)], wait, 0.0, 0.1, seat).whole_body_percent
+        };
+        close(whole(1, 0, None), 100.0 / 3.0);
+        close(whole(0, 0, None), 0.0);
+        close(whole(2, 0, None), 0.0);
+        // Who waits comes there later.
+        close(whole(4, 3, None), 100.0 / 3.0);
+        close(whole(1, 3, None), 0.0);
+        // Thighs may lie on what has moved, once one sits.
+        close(whole(1, 0, Some((0, 0.70))), 0.0);
+        close(whole(1, 0, Some((2, 0.70))), 100.0 / 3.0);
+        let legs = penetration_among(&motion, &scene, &[board(1)], 0, 0.0, 0.1, Some((0, 0.70))).legs_percent;
+        close(legs, 100.0 / 3.0);
+        // What lies on the floor is stepped over.
+        close(penetration_among(&motion, &scene, &[board(1)], 0, 0.7, 0.1, None).whole_body_percent, 0.0);
     }
 
     fn close(a: f32, b: f32) {

@@ -9,12 +9,10 @@ use crate::figures::{BodyPart, body_capsules};
 use crate::math::capsule::Capsule;
 use crate::motion::{Motion, Pose};
 use crate::progress::Progress;
-use crate::scene::MovingObject;
+use crate::scene::{BODY_REACH, MovingObject};
 
 /// Depths up to here are a touch, metres.
 const TOUCH: f32 = 0.03;
-/// A body reaches no farther from its pelvis, metres.
-const REACH: f32 = 1.3;
 /// Waiting is tried in steps of so many frames: a tenth of a second.
 const WAIT_STEP: usize = 3;
 
@@ -44,6 +42,8 @@ pub struct Meeting {
     pub frames: usize,
     /// How deep at most, cm.
     pub depth_cm: f32,
+    /// On which frame.
+    pub frame: usize,
 }
 
 /// How a motion gets past.
@@ -53,6 +53,8 @@ pub struct Passing {
     pub wait: usize,
     /// What it runs into; empty where it gets past.
     pub meetings: Vec<Meeting>,
+    /// Share of the frames in which it is in any of them, percent.
+    pub percent: f32,
 }
 
 /// How a motion gets past moving objects, and how long it waits at its start to do so.
@@ -67,10 +69,11 @@ pub fn pass_moving(
 ) -> Result<Passing> {
     let bodies: Vec<Body> =
         motion.postures.iter().map(|posture| Body::of(&posture.pose(), options)).collect();
-    let Some(first) = bodies.first() else { return Ok(Passing { wait: 0, meetings: Vec::new() }) };
+    let past = |wait: usize| Passing { wait, meetings: Vec::new(), percent: 0.0 };
+    let Some(first) = bodies.first() else { return Ok(past(0)) };
     let at_once = meetings(&bodies, objects);
     if at_once.is_empty() {
-        return Ok(Passing { wait: 0, meetings: at_once });
+        return Ok(past(0));
     }
     // Later than when everything has come to rest nothing changes.
     let moves = objects.iter().map(MovingObject::frames).max().unwrap_or(0);
@@ -80,10 +83,11 @@ pub fn pass_moving(
             break;
         }
         if !bodies.par_iter().enumerate().any(|(frame, body)| body.meets(objects, frame + wait)) {
-            return Ok(Passing { wait, meetings: Vec::new() });
+            return Ok(past(wait));
         }
     }
-    Ok(Passing { wait: 0, meetings: at_once })
+    let met = bodies.par_iter().enumerate().filter(|(frame, body)| body.meets(objects, *frame)).count();
+    Ok(Passing { wait: 0, meetings: at_once, percent: 100.0 * met as f32 / bodies.len() as f32 })
 }
 
 /// The body on one frame.
@@ -104,7 +108,7 @@ impl Body {
 
     /// The part that is deepest in an object on a frame, and how deep, metres.
     fn depth_in(&self, object: &MovingObject, frame: usize) -> Option<(BodyPart, f32)> {
-        if !object.is_near(frame, self.pelvis, REACH) {
+        if !object.is_near(frame, self.pelvis, BODY_REACH) {
             return None;
         }
         self.capsules
@@ -146,6 +150,7 @@ fn meetings(bodies: &[Body], objects: &[MovingObject]) -> Vec<Meeting> {
                 end: last + 1,
                 frames: hits.len(),
                 depth_cm: 100.0 * worst.2,
+                frame: worst.0,
             })
         })
         .collect();
@@ -157,7 +162,7 @@ fn meetings(bodies: &[Body], objects: &[MovingObject]) -> Vec<Meeting> {
 mod tests {
     use super::*;
     use crate::math::Planar;
-    use crate::test_world::{PACE, STANDS, person};
+    use crate::test_world::{PACE, STANDS, close, person};
     use glam::{Quat, Vec2};
 
     /// Who glides from the origin along -Y, 4 cm a frame, for 3 m.
@@ -201,9 +206,15 @@ mod tests {
         let meeting = &shut.meetings[0];
         assert!(meeting.object == "Door" && meeting.first < 50 && meeting.end > 50, "{meeting:?}");
         assert!(meeting.first > 35 && meeting.end < 62, "{meeting:?}");
+        assert!((meeting.first..meeting.end).contains(&meeting.frame), "{meeting:?}");
+        // One thing alone is met on as many frames as there are frames in which any is.
+        close(shut.percent, 100.0 * meeting.frames as f32 / 75.0, 1e-3);
         // Open for good, or open before the body is there.
-        assert_eq!(passed(door(|_| 90.0, 1), 300), Passing { wait: 0, meetings: vec![] });
-        assert_eq!(passed(door(|f| 6.0 * f as f32, 16), 300), Passing { wait: 0, meetings: vec![] });
+        assert_eq!(passed(door(|_| 90.0, 1), 300), Passing { wait: 0, meetings: vec![], percent: 0.0 });
+        assert_eq!(
+            passed(door(|f| 6.0 * f as f32, 16), 300),
+            Passing { wait: 0, meetings: vec![], percent: 0.0 }
+        );
         // Open now, and shut when the body comes: there is nothing to wait for.
         let shuts = passed(door(|f| 90.0 - 6.0 * f as f32, 16), 300);
         assert_eq!((shuts.wait, shuts.meetings.len()), (0, 1));

@@ -46,6 +46,8 @@ pub struct Report {
     pub problems: Vec<String>,
     /// How each cue was met.
     pub cues: Vec<Residual>,
+    /// The frame from which on the person sits down or comes to stand; none where it never did.
+    pub action_from: Option<usize>,
     /// How well the feet stand.
     pub foot: FootFigures,
     /// How often the body is in the scene.

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use crate::action::ActionLabel;
+use serde::{Deserialize, Serialize};
+
 use crate::controller::optimize::UpdateFigures;
 use crate::controller::{
     Environment, EpisodeEnd, KeptMotion, StoredPolicy, keep_motion, optimize_policy, request_of,
@@ -13,13 +15,16 @@ use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
 use crate::figures::{StyleValues, Surroundings, body_figures, pose_distance_figures};
 use crate::library::Segment;
+use crate::figures::{BodyFigures, Surroundings, body_figures};
 use crate::library::database::MotionDatabase;
 use crate::manifold::Manifold;
-use crate::metrics::{Residual, foot_figures, penetration_figures, residual, speed_figures};
+use crate::metrics::{
+    FootFigures, PenetrationFigures, Residual, foot_figures, penetration_among, residual, speed_figures,
+};
 use crate::motion::Motion;
 use crate::progress::Progress;
 use crate::report::{PolicySource, REPORT_VERSION, Report};
-use crate::scene::{SceneIndex, check_task, short_of_knee_room};
+use crate::scene::{MovingObject, SceneIndex, check_task, short_of_knee_room};
 use crate::settings::Settings;
 use crate::synthesizer::unhurried;
 
@@ -53,10 +58,11 @@ pub fn synthesize(
     seed: u64,
     progress: &Progress,
 ) -> Result<Synthesis> {
-    synthesize_along(shipped_manifold(), scene, database, task, stored, settings, seed, progress)
+    synthesize_along(shipped_manifold(), scene, None, database, task, stored, settings, seed, progress)
 }
 
-/// The same, edited along a given manifold, or by the finishing pass alone where there is none.
+/// The same, edited along a given manifold, or by the finishing pass alone where there is none; and measured in `stays`, where
+/// the scene that the motion is planned in holds what will have moved by then.
 ///
 /// # Errors
 /// As [`synthesize`].
@@ -64,6 +70,7 @@ pub fn synthesize(
 pub fn synthesize_along(
     manifold: Option<&Manifold>,
     scene: &SceneIndex,
+    stays: Option<&SceneIndex>,
     database: &MotionDatabase,
     task: &Task,
     stored: Option<&StoredPolicy>,
@@ -116,6 +123,9 @@ pub fn synthesize_along(
     body.pose_distance = Some(pose_distance_figures(&motion, database.known_poses(), Some(scene)));
     let sits_from = seat.filter(|_| kept.end == EpisodeEnd::Complete).map(|(from, _)| from);
     let style = StyleValues::of(&motion, floor, &segments(motion.len(), sits_from, complete)).medians();
+    let around = Around { scene: Some(stays.unwrap_or(scene)), moving: &[], wait: 0 };
+    let measured = measure(&motion, &around, task, complete, action_from, settings);
+    let Measured { cues, foot, penetration, body, .. } = measured;
     laps.done("measure");
 
     let mut problems = problems(kept.end, &cues, scene, task);
@@ -132,8 +142,9 @@ pub fn synthesize_along(
         success: problems.is_empty(),
         problems,
         cues,
+        action_from,
         foot,
-        penetration,
+        penetration: penetration.unwrap_or_default(),
         speed: speed_figures(&motion, &database.turns.usual, &database.accelerations),
         body,
         style,
@@ -165,6 +176,59 @@ fn segments(frames: usize, sits_from: Option<usize>, complete: usize) -> Vec<Seg
         Segment { label: ActionLabel::Sit, first: from, end: complete, complete },
         Segment { label: ActionLabel::SeatedIdle, first: complete, end: frames, complete: last },
     ]
+/// What can be seen of a motion, whoever made it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// How each cue was met.
+    pub cues: Vec<Residual>,
+    /// How well the feet stand.
+    pub foot: FootFigures,
+    /// How often the body is in the scene; `None` without one.
+    pub penetration: Option<PenetrationFigures>,
+    /// What an eye sees first.
+    pub body: BodyFigures,
+    /// In words what went wrong: a cue that was missed, and more than a brief touch of body or scene.
+    pub problems: Vec<String>,
+}
+
+/// What a motion is measured in.
+#[derive(Debug, Clone, Copy)]
+pub struct Around<'a> {
+    /// What stays where it is.
+    pub scene: Option<&'a SceneIndex>,
+    /// What moves: `penetration` alone counts it.
+    pub moving: &'a [MovingObject],
+    /// Frames that the person waits before the motion begins.
+    pub wait: usize,
+}
+
+/// Measures a motion for a task. `complete`: the frame at which the cue is to be met; `action_from`:
+/// that from which on the person sits down.
+pub fn measure(
+    motion: &Motion,
+    around: &Around,
+    task: &Task,
+    complete: usize,
+    action_from: Option<usize>,
+    settings: &Settings,
+) -> Measured {
+    let floor = task.start.position.z;
+    let seat = action_from.zip(task.cue.seat_height());
+    let ignore_below = settings.reward.ignore_below;
+    let surroundings = around.scene.map(|scene| Surroundings { scene, ignore_below, seat });
+    let cues: Vec<_> = residual(&task.cue, motion, complete).into_iter().collect();
+    let body = body_figures(motion, floor, surroundings.as_ref());
+    let mut problems = missed(&cues);
+    problems.extend(body.problems(&settings.report));
+    Measured {
+        foot: foot_figures(motion, floor),
+        penetration: around.scene.map(|scene| {
+            penetration_among(motion, scene, around.moving, around.wait, floor, ignore_below, seat)
+        }),
+        cues,
+        body,
+        problems,
+    }
 }
 
 /// The policies that can be played before any is optimized.
@@ -263,16 +327,7 @@ fn problems(end: EpisodeEnd, cues: &[Residual], scene: &SceneIndex, task: &Task)
         )];
     }
     match end {
-        EpisodeEnd::Complete => cues
-            .iter()
-            .filter(|cue| !cue.met)
-            .map(|cue| {
-                format!(
-                    "Cue '{}' was missed by {:.0} cm and {:.0}°.",
-                    cue.cue, cue.pelvis_cm, cue.facing_degrees
-                )
-            })
-            .collect(),
+        EpisodeEnd::Complete => missed(cues),
         EpisodeEnd::Collision => vec![format!(
             "No motion reached '{name}' without running into something; make more room on the way or move the cue."
         )],
@@ -284,6 +339,14 @@ fn problems(end: EpisodeEnd, cues: &[Residual], scene: &SceneIndex, task: &Task)
             vec!["The character left the scene; start it farther from the edge.".to_owned()]
         }
     }
+}
+
+/// What is said of each cue that was missed.
+fn missed(cues: &[Residual]) -> Vec<String> {
+    let said = |cue: &Residual| {
+        format!("Cue '{}' was missed by {:.0} cm and {:.0}°.", cue.cue, cue.pelvis_cm, cue.facing_degrees)
+    };
+    cues.iter().filter(|cue| !cue.met).map(said).collect()
 }
 
 /// Seconds of each stage, by name; a stage that comes again adds up.
@@ -417,7 +480,7 @@ mod tests {
         let stored = world.stored();
         let run = |world: &World, stored: Option<&StoredPolicy>| {
             let (scene, task, settings) = (&world.scene, &world.task, &world.settings);
-            synthesize_along(None, scene, database(), task, stored, settings, 3, &Progress::new())
+            synthesize_along(None, scene, None, database(), task, stored, settings, 3, &Progress::new())
         };
         let made = run(&world, Some(&stored)).expect("a motion");
         let report = &made.report;
@@ -454,7 +517,8 @@ mod tests {
         world.scene = crate::test_world::room(&[([-3.0, -1.0, 0.0], [3.0, -0.9, 2.0])]);
         let run = |world: &World| {
             let (scene, task, settings) = (&world.scene, &world.task, &world.settings);
-            synthesize_along(None, scene, database(), task, None, settings, 3, &Progress::new()).unwrap_err()
+            synthesize_along(None, scene, None, database(), task, None, settings, 3, &Progress::new())
+                .unwrap_err()
         };
         assert!(matches!(run(&world), Error::Unreachable(_)));
         let mut world = World::stop_ahead(2.0);

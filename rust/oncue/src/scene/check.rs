@@ -4,7 +4,7 @@ use glam::{Vec2, Vec3};
 
 use super::SceneIndex;
 use super::clear_path::ClearPath;
-use super::levels::{floor_around, near_edge_advice, on_another_level};
+use super::levels::{floor_around, nowhere_to_stand, on_another_level};
 use crate::action::{ActionType, Approach};
 use crate::cue::{ActionCue, Task};
 use crate::error::{Error, Result};
@@ -289,11 +289,7 @@ fn check_way(scene: &SceneIndex, task: &Task) -> Result<()> {
     let cue = &task.cue;
     let ways = ClearPath::to_cue(scene, cue);
     if ways.approach_points().is_empty() {
-        return Err(Error::Unreachable(format!(
-            "Sit cue ‘{}’ cannot be reached: there is no free floor to stand on within 0.75 m in front of it.{}",
-            cue.name,
-            near_edge_advice(scene, cue)
-        )));
+        return Err(nowhere_to_stand(scene, cue));
     }
     if ways.distance(task.start.position.truncate()).is_finite() {
         return Ok(());

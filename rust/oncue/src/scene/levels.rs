@@ -70,7 +70,7 @@ pub(super) fn floor_around(scene: &SceneIndex, xy: Vec2, from: f32) -> Option<f3
 
 /// The nearest place on the same seat from which one can sit down, and the facing there, radians: for a cue in the middle of
 /// a mattress or a wide sill. `None` where there is none.
-pub(super) fn near_edge(scene: &SceneIndex, cue: &ActionCue) -> Option<ActionCue> {
+fn near_edge(scene: &SceneIndex, cue: &ActionCue) -> Option<ActionCue> {
     let seat = seat_under(scene, cue)?;
     let goal = cue.position.truncate();
     let on_seat =
@@ -97,19 +97,24 @@ pub(super) fn near_edge(scene: &SceneIndex, cue: &ActionCue) -> Option<ActionCue
         .map(|(_, there)| there)
 }
 
-/// Where to move a cue that lies too far from any edge, the rest of a sentence; empty where that is nowhere.
-pub(super) fn near_edge_advice(scene: &SceneIndex, cue: &ActionCue) -> String {
-    let Some(edge) = near_edge(scene, cue) else { return String::new() };
+/// What is said of a seat before which there is nowhere to stand, and of its nearest edge where there is one.
+pub(super) fn nowhere_to_stand(scene: &SceneIndex, cue: &ActionCue) -> Error {
+    let said = format!(
+        "Sit cue ‘{}’ cannot be reached: there is no free floor to stand on within 0.75 m in front of it.",
+        cue.name
+    );
+    let Some(edge) = near_edge(scene, cue) else { return Error::Unreachable(said) };
     let turn = wrap_angle(edge.yaw - cue.yaw).to_degrees();
     let turned = if turn.abs() < 1.0 {
         String::new()
     } else {
         format!(", turned {:.0}° to the {}", turn.abs(), if turn > 0.0 { "left" } else { "right" })
     };
-    format!(
-        " The nearest edge to sit on is {:.2} m away: move it to x = {:.2} m, y = {:.2} m{turned}.",
+    let sentence = format!(
+        "{said} The nearest edge to sit on is {:.2} m away: move it to x = {:.2} m, y = {:.2} m{turned}.",
         edge.position.distance(cue.position),
         edge.position.x,
         edge.position.y
-    )
+    );
+    Error::FarFromEdge { sentence, place: edge.position, yaw: edge.yaw }
 }

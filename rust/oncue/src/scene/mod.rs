@@ -50,7 +50,7 @@ mod triangle_tree;
 pub use capsule_depth::SceneContact;
 pub use check::{check_task, short_of_knee_room};
 pub use clear_path::{ApproachPoint, ClearPath};
-pub use moving::MovingObject;
+pub use moving::{BODY_REACH, MovingObject};
 pub use occupancy::OccupancyGrid;
 pub use raster::Raster;
 pub use settings::SceneSettings;

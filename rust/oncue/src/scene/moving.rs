@@ -2,11 +2,16 @@
 
 use glam::{Quat, Vec3};
 
+use super::box_edges::OrientedBox;
 use super::mesh;
-use super::triangle_tree::TriangleTree;
+use super::triangle_tree::{Scratch, TriangleTree};
 use crate::error::{Error, Result};
 use crate::math::capsule::Capsule;
+use crate::motion::{BODY_BOXES, Pose};
 use crate::progress::Progress;
+
+/// A body reaches no farther from its pelvis, metres.
+pub const BODY_REACH: f32 = 1.3;
 
 /// A rigid mesh that moves, and its poses at 30 Hz; after the last it stands still.
 #[derive(Debug)]
@@ -62,6 +67,26 @@ impl MovingObject {
         let back = turn.conjugate();
         let there = Capsule { ends: capsule.ends.map(|end| back * (end - at)), radii: capsule.radii };
         self.tree.depth_of(&there, f32::NEG_INFINITY).map(|contact| contact.depth)
+    }
+
+    /// As [`super::SceneIndex::body_intersections`] of what stands there on a frame; parts whose middle is lower than `above` (world
+    /// z) are not counted.
+    pub fn body_intersections(&self, pose: &Pose, frame: usize, above: f32) -> [u32; BODY_BOXES.len()] {
+        let mut counts = [0; BODY_BOXES.len()];
+        if !self.is_near(frame, pose.positions[0], BODY_REACH) {
+            return counts;
+        }
+        let (at, turn) = self.pose(frame);
+        let back = turn.conjugate();
+        let mut scratch = Scratch::default();
+        for (node, count) in BODY_BOXES.iter().zip(&mut counts) {
+            let (place, rotation) = (pose.positions[node.joint.index()], pose.rotations[node.joint.index()]);
+            if (place + rotation * node.center).z >= above {
+                let there = OrientedBox::of_node(node, back * (place - at), back * rotation);
+                *count = self.tree.count(&there, f32::NEG_INFINITY, &mut scratch);
+            }
+        }
+        counts
     }
 
     fn pose(&self, frame: usize) -> (Vec3, Quat) {
