@@ -18,6 +18,8 @@ from .scene_frames import in_scene_frames
 SAME_PLACE = 0.02
 #: A place far from everything, where a shape is while another one is shown, metres.
 AWAY = (0.0, 0.0, -1e4)
+#: A mesh whose largest triangle is smaller is none, square metres.
+NO_AREA = 1e-9
 #: So many places of a thing that changes its shape are planned about at once.
 MOST_PLACES = 60
 
@@ -91,6 +93,9 @@ class DeformingThing:
         """The same for the core, which knows rigid things: one for each shape, which is away on the others' frames."""
         objects = []
         for k, shape in enumerate(self.shapes):
+            if not _has_area(shape, self.triangles):
+                # Shrunk to nothing, nobody runs into it.
+                continue
             first, end = k * self.every, min((k + 1) * self.every, self.frames)
             last = end == self.frames
             translations = np.tile(np.array(AWAY, dtype=np.float32), (end if last else end + 1, 1))
@@ -100,12 +105,17 @@ class DeformingThing:
         return objects
 
 
+def _has_area(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> bool:
+    a, b, c = (positions[triangles[:, k]].astype(np.float64) for k in range(3))
+    return bool(np.linalg.norm(np.cross(b - a, c - a), axis=1).max(initial=0.0) > NO_AREA)
+
+
 Thing: TypeAlias = MovingThing | DeformingThing
 
 
 def nothing_met() -> core.Passing:
     """How a motion gets past what moves where nothing does."""
-    return {"wait": 0, "meetings": []}
+    return {"wait": 0, "meetings": [], "percent": 0.0}
 
 
 def stands(things: tuple[Thing, ...]) -> Iterator[Mesh]:

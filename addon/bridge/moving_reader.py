@@ -33,6 +33,9 @@ MOST_TRIANGLES, MOST_CORNERS = 6_000_000, 20_000_000
 #: A mesh of more triangles is followed by one corner in each cell so wide, metres.
 FINE, CELL = 6_000, 0.03
 
+#: A matrix of a smaller determinant makes a thing flat or nothing.
+NO_SIZE = 1e-12
+
 Notes = list[tuple[str, str]]
 
 
@@ -67,20 +70,27 @@ def read_moving(
             continue
         poses = _since_read(thing, matrices, metres_per_unit)
         if poses is None:
-            notes.append((thing.name, f"{thing.name} has no size, or comes and goes: it was read as it is now."))
+            said = f"{thing.name} has no size, or comes and goes: it was read as it is at frame {_current(context)}."
+            notes.append((thing.name, said))
             continue
-        still = np.abs(poses - poses[0]).max() <= STANDS_STILL
-        rigid = _is_rigid(poses @ np.linalg.inv(poses[0]))
-        if still or not rigid:
+        if np.abs(poses - poses[0]).max() <= STANDS_STILL:
             if np.abs(poses[0] - np.eye(4)).max() > STANDS_STILL:
                 # Where it stands as the shot begins, wherever the playhead is.
                 positions[part] = positions[part] @ poses[0, :3, :3].T + poses[0, :3, 3]
-            if not still:
-                said = f"{thing.name} changes its size over time: it was read as it is at frame {start_frame}."
-                notes.append((thing.name, said))
+            continue
+        corners, triangles = positions[part], _triangles(meshes, thing)
+        if abs(np.linalg.det(poses[0])) > NO_SIZE and _is_rigid(poses @ np.linalg.inv(poses[0])):
+            gone.append(thing)
+            moving.append(_moving_thing(corners, triangles, thing.name, poses))
+            continue
+        # What changes its size is a shape that changes.
+        resized = _Deformable.of_poses(thing, corners, triangles, poses, metres_per_unit)
+        if resized.fault:
+            positions[part] = resized.first
+            notes.append((thing.name, f"{thing.name} {resized.fault}: it was read as it is at frame {start_frame}."))
             continue
         gone.append(thing)
-        moving.append(_moving_thing(positions[part], _triangles(meshes, thing), thing.name, poses))
+        moving.append(resized.thing())
     keep = np.ones(len(meshes.triangles), dtype=bool)
     for thing in gone:
         keep[thing.first_triangle : thing.end_triangle] = False
@@ -129,10 +139,25 @@ class _Deformable:
         elif not self.deforms and np.abs(local - self._first_local).max() > DEFORMS / self._size(instance):
             self.deforms = np.abs(self._world(instance, local) - self.first).max() > DEFORMS
 
-    def follow(self, frames: int) -> None:
-        """Takes what is to be looked at on each of so many frames."""
+    @classmethod
+    def of_poses(
+        cls, thing: Movable, corners: np.ndarray, triangles: np.ndarray, poses: np.ndarray, metres_per_unit: float
+    ) -> _Deformable:
+        """One whose corners, world, metres, are taken by a pose to each frame; followed, or with a fault."""
+        made = cls(thing, triangles, metres_per_unit)
+        made.first = _taken(corners, poses[0])
+        # Of its largest shape: as nothing it would be told by no corners.
+        largest = _taken(corners, poses[int(np.argmax(np.abs(np.linalg.det(poses[:, :3, :3]))))])
+        made.follow(len(poses), largest)
+        if made._seen is not None:
+            for frame, pose in enumerate(poses):
+                made._seen[frame] = _taken(corners[made._kept], pose)
+        return made
+
+    def follow(self, frames: int, shape: np.ndarray | None = None) -> None:
+        """Takes what is looked at on each of so many frames; `shape`: another than the first to choose corners by."""
         assert self.first is not None
-        self._kept, self._triangles = simplified(self.first, self._triangles)
+        self._kept, self._triangles = simplified(self.first if shape is None else shape, self._triangles)
         self._every = math.ceil(frames * len(self._triangles) / MOST_TRIANGLES)
         if self._every > SHOWN_AT_MOST or frames * len(self._kept) > MOST_CORNERS:
             self.fault = "moves and is too fine to be followed"
@@ -182,6 +207,11 @@ class _Deformable:
         """Metres, at most, that a unit of the mesh is long."""
         matrix = np.array(instance.matrix_world, dtype=np.float64)[:3, :3]
         return max(float(np.linalg.norm(matrix, ord=2)) * self._metres_per_unit, 1e-9)
+
+
+def _taken(corners: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Corners where a pose takes them."""
+    return (corners @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32)
 
 
 def _triangles(meshes: SceneMeshes, thing: Movable) -> np.ndarray:
@@ -237,7 +267,7 @@ def _look(
 
 def _since_read(thing: Movable, matrices: np.ndarray, metres_per_unit: float) -> np.ndarray | None:
     """What takes the mesh from where it was read to where it stands on each frame, metres; None where nothing does."""
-    if not np.isfinite(matrices).all() or abs(np.linalg.det(thing.matrix[:3, :3])) < 1e-12:
+    if not np.isfinite(matrices).all() or abs(np.linalg.det(thing.matrix[:3, :3])) < NO_SIZE:
         return None
     poses = matrices @ np.linalg.inv(thing.matrix)
     poses[:, :3, 3] *= metres_per_unit

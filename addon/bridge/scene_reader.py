@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import ScaleError, SceneError
 from .cue_reader import ENDS, visible_cues
 from .edit_mode import copies_outside
-from .scene_time import is_simulated_unbaked, may_deform, may_move
+from .scene_time import may_deform, may_move, simulation_fault
 from .what_counts import Furniture
 
 #: A scene wider than this is hardly modelled in metres.
@@ -143,8 +143,7 @@ def _read_meshes(
         for owner in owners:
             if owner not in may_change:
                 may_change[owner] = may_move(owner, by_bones=True), may_deform(owner)
-                if is_simulated_unbaked(owner, context.scene):
-                    said = "is simulated and not baked, and may stand otherwise than it was read: bake it first."
+                if said := simulation_fault(owner, context.scene):
                     skipped.append((owner.name, f"{owner.name} {said}"))
         moves, deforms = (any(may_change[owner][k] for owner in owners) for k in (0, 1))
         shown_name = furniture.other_person(owners) or owners[-1].name

@@ -106,12 +106,41 @@ def _is_simulated_body(thing: bpy.types.Object) -> bool:
     return body is not None and body.type == "ACTIVE" and body.enabled and not body.kinematic
 
 
-def is_simulated_unbaked(thing: bpy.types.Object, scene: bpy.types.Scene) -> bool:
-    """Whether a simulation moves or deforms an object that only frames in their order show: it has no bake."""
-    caches = [m.point_cache for m in thing.modifiers if m.type in {"CLOTH", "SOFT_BODY"} and m.show_viewport]
+NOT_BAKED = "is simulated and not baked, and may stand otherwise than it was read: bake it first."
+#: Nothing tells a simulation of nodes that is baked from one that is not.
+NODES_SIMULATE = "is simulated by geometry nodes, and may stand otherwise than it was read where that is not baked."
+
+
+def simulation_fault(thing: bpy.types.Object, scene: bpy.types.Scene) -> str | None:
+    """What is said of an object that a simulation moves or deforms which only frames in their order show, or None.
+
+    It is the rest of a sentence that begins with its name.
+    """
+    shown = [modifier for modifier in thing.modifiers if modifier.show_viewport]
+    caches = [modifier.point_cache for modifier in shown if modifier.type in {"CLOTH", "SOFT_BODY"}]
     if _is_simulated_body(thing) and scene.rigidbody_world is not None and scene.rigidbody_world.enabled:
         caches.append(scene.rigidbody_world.point_cache)
-    return any(cache is not None and not cache.is_baked for cache in caches)
+    for modifier in shown:
+        if modifier.type == "DYNAMIC_PAINT" and modifier.canvas_settings is not None:
+            caches += [surface.point_cache for surface in modifier.canvas_settings.canvas_surfaces if surface.is_active]
+        elif modifier.type == "PARTICLE_SYSTEM" and _particles_are_seen(modifier.particle_system):
+            caches.append(modifier.particle_system.point_cache)
+        elif modifier.type == "FLUID" and modifier.fluid_type == "DOMAIN":
+            domain = modifier.domain_settings
+            if domain.domain_type == "LIQUID" and not domain.has_cache_baked_data:
+                return NOT_BAKED
+    if any(cache is not None and not cache.is_baked for cache in caches):
+        return NOT_BAKED
+    trees = [modifier.node_group for modifier in shown if modifier.type == "NODES" and modifier.node_group is not None]
+    if any(_has_nodes(tree, {"GeometryNodeSimulationOutput"}) for tree in trees):
+        return NODES_SIMULATE
+    return None
+
+
+def _particles_are_seen(system: bpy.types.ParticleSystem | None) -> bool:
+    """Whether particles are emitted over time and shown as meshes."""
+    chosen = system.settings if system is not None else None
+    return chosen is not None and chosen.type == "EMITTER" and chosen.render_type in {"OBJECT", "COLLECTION"}
 
 
 def may_deform(thing: bpy.types.Object, seen: frozenset[bpy.types.Object] = frozenset()) -> bool:
@@ -131,7 +160,7 @@ def may_deform(thing: bpy.types.Object, seen: frozenset[bpy.types.Object] = froz
 
 def _varies_mesh(thing: bpy.types.Object, modifier: bpy.types.Modifier, seen: frozenset[bpy.types.Object]) -> bool:
     if modifier.type == "NODES":
-        return modifier.node_group is not None and _varies_nodes(modifier.node_group, set())
+        return modifier.node_group is not None and _varies_nodes(modifier.node_group)
     if modifier.type in TIMED:
         return True
     pointers = [prop.identifier for prop in modifier.bl_rna.properties if prop.type == "POINTER"]
@@ -140,16 +169,24 @@ def _varies_mesh(thing: bpy.types.Object, modifier: bpy.types.Modifier, seen: fr
     return any(may_move(one, by_bones=True) or may_deform(one, seen) for one in [thing, *named] if named)
 
 
-def _varies_nodes(tree: bpy.types.NodeTree, seen: set[bpy.types.NodeTree]) -> bool:
+def _varies_nodes(tree: bpy.types.NodeTree) -> bool:
+    return any(one.animation_data is not None for one in _trees(tree, set())) or _has_nodes(tree, TIMED_NODES)
+
+
+def _has_nodes(tree: bpy.types.NodeTree, kinds: set[str]) -> bool:
+    """Whether a tree, or one that is a group in it, has a node of these kinds."""
+    return any(node.bl_idname in kinds for one in _trees(tree, set()) for node in one.nodes)
+
+
+def _trees(tree: bpy.types.NodeTree, seen: set[bpy.types.NodeTree]) -> Iterator[bpy.types.NodeTree]:
+    """A tree and all that are groups in it, each once."""
     if tree in seen:
-        return False
+        return
     seen.add(tree)
-    groups = [node.node_tree for node in tree.nodes if node.type == "GROUP" and node.node_tree is not None]
-    return (
-        tree.animation_data is not None
-        or any(node.bl_idname in TIMED_NODES for node in tree.nodes)
-        or any(_varies_nodes(group, seen) for group in groups)
-    )
+    yield tree
+    for node in tree.nodes:
+        if node.type == "GROUP" and node.node_tree is not None:
+            yield from _trees(node.node_tree, seen)
 
 
 def _keys_modifiers(thing: bpy.types.Object) -> bool:

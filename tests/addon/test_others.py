@@ -296,6 +296,57 @@ def test_a_simulation_is_read_once_it_is_baked_and_named_before(oncue, how):
     assert thing.at(20)[:, 2].mean() < thing.at(0)[:, 2].mean() - 0.3
 
 
+def emits(thing):
+    thing.modifiers.new("Particles", "PARTICLE_SYSTEM")
+    chosen = thing.particle_systems[0].settings
+    chosen.render_type, chosen.instance_object = "OBJECT", add_cube("Crumb", size=0.05)
+
+
+def is_wet(thing):
+    made = thing.modifiers.new("Fluid", "FLUID")
+    made.fluid_type = "DOMAIN"
+    made.domain_settings.domain_type = "LIQUID"
+
+
+def is_painted(thing):
+    made = thing.modifiers.new("Paint", "DYNAMIC_PAINT")
+    with bpy.context.temp_override(object=thing, active_object=thing):
+        bpy.ops.dpaint.type_toggle(type="CANVAS")
+    assert made.canvas_settings is not None
+
+
+def is_simulated_by_nodes(thing):
+    tree, inner = (bpy.data.node_groups.new(name, "GeometryNodeTree") for name in ("Outer", "Inner"))
+    group = tree.nodes.new("GeometryNodeGroup")
+    group.node_tree = inner
+    begin, end = inner.nodes.new("GeometryNodeSimulationInput"), inner.nodes.new("GeometryNodeSimulationOutput")
+    begin.pair_with_output(end)
+    thing.modifiers.new("Nodes", "NODES").node_group = tree
+
+
+@pytest.mark.parametrize(
+    ("simulate", "words"),
+    [
+        (lambda thing: thing.modifiers.new("Soft", "SOFT_BODY"), "is simulated and not baked"),
+        (emits, "is simulated and not baked"),
+        (is_wet, "is simulated and not baked"),
+        (is_painted, "is simulated and not baked"),
+        (is_simulated_by_nodes, "is simulated by geometry nodes"),
+        (lambda thing: thing.modifiers.new("Wave", "WAVE"), None),
+        (lambda thing: setattr(thing.modifiers.new("Cloth", "CLOTH"), "show_viewport", False), None),
+    ],
+    ids=["soft body", "particles", "liquid", "paint", "nodes", "wave", "hidden cloth"],
+)
+def test_a_simulation_of_any_kind_is_named(oncue, simulate, words):
+    """What only frames in their order show; what each frame shows by itself is read without a word."""
+    thing = add_cube("Thing")
+    fault = oncue("bridge.scene_time").simulation_fault
+    assert fault(thing, bpy.context.scene) is None
+    simulate(thing)
+    said = fault(thing, bpy.context.scene)
+    assert said is None if words is None else words in said
+
+
 def test_where_nobody_goes_through_the_frames_it_is_said_what_may_move(oncue):
     doorway(oncue)
     own(oncue)
@@ -341,5 +392,6 @@ def test_meetings_with_the_parts_of_one_are_one(oncue):
         return {"object": name, "part": part, "first": first, "end": end, "frames": frames, "depth_cm": depth}
 
     parts = [met("A", 3, 6, 3, 4.0, "head"), met("B", 0, 5, 5, 1.0, "torso"), met("A", 6, 9, 3, 9.0, "leg")]
-    passing = oncue("moving").by_object({"wait": 0, "meetings": parts})
-    assert passing == {"wait": 0, "meetings": [met("A", 3, 9, 6, 9.0, "leg"), met("B", 0, 5, 5, 1.0, "torso")]}
+    passing = oncue("moving").by_object({"wait": 0, "meetings": parts, "percent": 10.0})
+    merged = [met("A", 3, 9, 6, 9.0, "leg"), met("B", 0, 5, 5, 1.0, "torso")]
+    assert passing == {"wait": 0, "meetings": merged, "percent": 10.0}
