@@ -151,6 +151,8 @@ class Take:
         #: What stands there now, NaN where a key is missing.
         self.now = self._read()
         self._check_timing()
+        #: The same with what plays where a key is missing.
+        self._shown = self._played()
 
     def _check(self, scene: bpy.types.Scene, character: bpy.types.Object) -> None:
         rate = frame_rate(scene)
@@ -237,6 +239,30 @@ class Take:
                 found[joint] = found.get(joint, set()) | {k for k in here if self._is_keyed(k, joint)}
         return {joint: frames for joint, frames in found.items() if frames}
 
+    def gaps(self) -> dict[int, set[int]]:
+        """Joint → indices of the scene frames at which the artist took its key out: what plays there instead stays.
+
+        A key of the artist's own that is taken out is no wish any more, and may be filled.
+        """
+        own = [pin for pin in self.pins if pin.is_key]
+        found: dict[int, set[int]] = {}
+        for joint, bone in enumerate(self.names):
+            missing = np.flatnonzero(np.isnan(self.now[:, self._columns(joint)]).any(axis=1))
+            kept = [(p.first_frame, p.last_frame) for p in own if p.bone == bone]
+            frames = {
+                int(frame)
+                for frame in missing
+                if not any(first <= frame + self.solved.start_frame <= last for first, last in kept)
+            }
+            if frames:
+                found[joint] = frames
+        return found
+
+    def _held(self) -> dict[int, set[int]]:
+        """Joint → indices of the scene frames at which it stays as it is shown."""
+        keys, gaps = self.artist_keys(), self.gaps()
+        return {joint: keys.get(joint, set()) | gaps.get(joint, set()) for joint in sorted({*keys, *gaps})}
+
     def _is_keyed(self, frame: int, joint: int) -> bool:
         return bool(np.isfinite(self.now[frame, self._columns(joint)]).all())
 
@@ -244,7 +270,7 @@ class Take:
         """What Re-solve asks of the core, at 30 Hz: the motion with the artist's keys in it, {"joint", "frame"} of each
         of these, and the pins as constraints. Raises SceneError where nothing was keyed or pinned.
         """
-        artist, motion = self.artist_keys(), self.solved.motion
+        artist, motion = self._held(), self.solved.motion
         pins = self._of_pins()
         if not artist and not pins:
             raise SceneError(
@@ -275,9 +301,10 @@ class Take:
         posed = self.written[frame].astype(np.float64)
         for joint in keyed:
             columns = self._columns(joint)
-            posed[columns] = np.where(np.isfinite(self.now[frame, columns]), self.now[frame, columns], posed[columns])
+            posed[columns] = self._shown[frame, columns]
         mine, core = self._posture(posed), self.solved.motion
-        time = frame * core.frame_rate / self.solved.scene_rate
+        # The scene's last frame may lie beyond the core's last, and shows it.
+        time = min(frame * core.frame_rate / self.solved.scene_rate, len(core) - 1.0)
         if abs(time - round(time)) < ON_FRAME:
             yield round(time), 0.0, mine.root_positions[0], mine.rotations[0]
             return
@@ -294,8 +321,8 @@ class Take:
         for pin in self.pins:
             if pin.is_key or pin.bone not in self.names:
                 continue
-            step = self.solved.motion.frame_rate / self.solved.scene_rate
-            first, last = ((f - self.solved.start_frame) * step for f in (pin.first_frame, pin.last_frame))
+            step, end = self.solved.motion.frame_rate / self.solved.scene_rate, len(self.solved.motion) - 1.0
+            first, last = (min((f - self.solved.start_frame) * step, end) for f in (pin.first_frame, pin.last_frame))
             begin = round(first) if first == last else int(np.ceil(first - ON_FRAME))
             count = max(int(np.floor(last + ON_FRAME)) - begin, 0) + 1
             made = {"name": f"Pin of {pin.bone}", "joint": pin.bone, "first_frame": begin}
@@ -311,9 +338,10 @@ class Take:
     def write(self, motion: Motion, contacts: np.ndarray) -> tuple[int, int] | None:
         """Writes an edited motion (30 Hz, as long as the one before) into the action; the scene's frames it touched.
 
-        All other keys stay as they are, bit for bit, and so do the artist's, which are kept for the next time too.
+        All other keys stay as they are, bit for bit, and so do the artist's, which are kept for the next time too. Keys
+        that the artist took out stay out.
         """
-        keys = self.artist_keys()
+        keys, held = self.artist_keys(), self._held()
         before = self.solved.motion
         changed = np.flatnonzero(
             (motion.root_positions != before.root_positions).any(axis=1)
@@ -329,7 +357,7 @@ class Take:
         values = flat(*self._space.channels(resample(motion, self.solved.scene_rate)))
         free = np.zeros(values.shape, dtype=bool)
         free[touched] = True
-        for joint, frames in keys.items():
+        for joint, frames in held.items():
             free[np.ix_(sorted(frames), self._columns(joint))] = False
         self._write(values, free)
         self._keep(motion, contacts)
@@ -413,6 +441,19 @@ class Take:
             frames = self._frames_of(pairs)
             now[frames[frames >= 0], column] = pairs[frames >= 0, 1]
         return now
+
+    def _played(self) -> np.ndarray:
+        """`now` with what plays at the frames that have no key: what lies between others, or the bone's own posture."""
+        played, curves = self.now.copy(), self._curves()
+        for column, (bone, channel, axis) in enumerate(self._channels()):
+            missing = np.flatnonzero(np.isnan(played[:, column]))
+            curve = curves.get((data_path(bone, channel), axis))
+            if curve is None or not len(curve.keyframe_points):
+                played[missing, column] = getattr(self._character.pose.bones[bone], channel)[axis]
+                continue
+            for frame in missing:
+                played[frame, column] = curve.evaluate(frame + self.solved.start_frame)
+        return played
 
 
 def _coordinates(curve: bpy.types.FCurve) -> np.ndarray:

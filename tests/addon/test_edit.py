@@ -184,18 +184,66 @@ def test_at_sixty_frames_a_second_the_key_on_the_cores_frame_counts(oncue, made,
     assert np.abs(heads[0, 0] - expected).max() < 1e-4
 
 
+@pytest.mark.parametrize("what", ["key", "pin"])
+def test_the_last_frame_may_be_keyed_and_pinned_at_any_rate(oncue, made, take_of, context, what):
+    """At 23.976 frames a second the scene's last frame lies beyond the core's, of which it shows the last."""
+    context.scene.render.fps_base = 1.001
+    character, action = made(24)
+    last = round(action.frame_range[1])
+    assert (last - START) * 30 / (24 / 1.001) > FRAMES - 1
+    if what == "key":
+        turn(character, "LeftArm", last, 0.5)
+        _, keys, _ = take_of(character).edit()
+        assert keys == [{"joint": "LeftArm", "frame": FRAMES - 1}]
+    else:
+        context.scene.frame_set(last)
+        select(oncue, character, "LeftArm")
+        bpy.ops.oncue.pin()
+        _, _, ((pin),) = take_of(character).edit()
+        assert (pin["first_frame"], len(pin["positions"])) == (FRAMES - 1, 1)
+
+
 def quaternion_product(a, b):
     w = a[0] * b[0] - a[1:] @ b[1:]
     return np.array([w, *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))])
 
 
-def test_a_key_that_was_taken_out_is_no_wish(made, take_of):
+def take_out(character, bone, frames):
+    for frame in frames:
+        character.pose.bones[bone].keyframe_delete("rotation_quaternion", frame=START + frame)
+
+
+def test_what_plays_where_a_key_was_taken_out_stays(oncue, made, take_of, skeleton):
+    """Between its neighbours, whatever frames the core has."""
     character, _ = made()
-    for frame in (29, 31):
-        character.pose.bones["LeftArm"].keyframe_delete("rotation_quaternion", frame=START + frame)
-    turn(character, "LeftArm", START + 30, 0.5)
+    take_out(character, "LeftArm", range(28, 32))
     take = take_of(character)
-    assert take.artist_keys() == {take.names.index("LeftArm"): {30}}
+    arm = take.names.index("LeftArm")
+    assert (take.artist_keys(), take.gaps()) == ({}, {arm: {28, 29, 30, 31}})
+    posed, keys, _ = take.edit()
+    assert keys == [{"joint": "LeftArm", "frame": frame} for frame in range(28, 32)]
+    shown = evaluated_heads(character, skeleton["names"], [START + 30])
+    assert np.abs(forward_kinematics(skeleton, posed)[30] - shown[0]).max() < 1e-4
+    # Its own posture where nothing is left of a channel.
+    take_out(character, "LeftHand", range(FRAMES))
+    character.pose.bones["LeftHand"].rotation_quaternion = (0.8, 0.6, 0.0, 0.0)
+    take = take_of(character)
+    hand = take.names.index("LeftHand")
+    assert take.gaps()[hand] == set(range(FRAMES))
+    posed, _, _ = take.edit()
+    shown = evaluated_heads(character, skeleton["names"], [START + 3])
+    assert np.abs(forward_kinematics(skeleton, posed)[3] - shown[0]).max() < 1e-4
+
+
+def test_an_own_key_that_was_taken_out_is_no_wish_any_more(oncue, made, take_of, motion, skeleton):
+    character, action = made()
+    pins = oncue("bridge.pins")
+    pins.write_pins(action, [pins.Pin("LeftArm", START + 30, START + 30)])
+    take_out(character, "LeftArm", [30])
+    take = take_of(character)
+    assert (take.artist_keys(), take.gaps()) == ({}, {})
+    take.write(edited(oncue, motion, skeleton["names"].index("LeftArm"), 20, 40), np.ones((FRAMES, 2)))
+    assert np.isfinite(take_of(character).now).all()
 
 
 def test_what_does_not_fit_is_a_sentence(oncue, made, take_of, context):
@@ -349,6 +397,33 @@ def test_resolve_holds_a_pinned_hand_in_place(oncue, sitting, context):
     assert np.linalg.norm(heads[:, 0] - pin, axis=1).max() < 0.01
 
 
+def test_the_report_is_of_the_motion_as_it_is_after_a_solve(oncue, sitting, core):
+    """Whoever keys the person away from the seat is told so, and nothing of the take before."""
+    character, action = sitting
+    session = oncue("bridge.session")
+    before = session.current_report(bpy.context.scene)
+    assert before["cues"][0]["met"], before["problems"]
+    last = round(action.frame_range[1])
+    hips = character.pose.bones["Hips"]
+    for frame in range(round(action.frame_range[0]) + round(before["cues"][0]["frame"] * 0.8) - 2, last + 1):
+        bpy.context.scene.frame_set(frame)
+        world = character.matrix_world @ hips.matrix
+        world.translation.x += 0.4
+        hips.matrix = character.matrix_world.inverted() @ world
+        hips.keyframe_insert("location", frame=frame)
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    after = session.current_report(bpy.context.scene)
+    assert after["cues"][0]["pelvis_cm"] == pytest.approx(before["cues"][0]["pelvis_cm"] + 40, abs=8)
+    assert not after["success"]
+    assert any("was missed by" in problem for problem in after["problems"])
+    assert after["foot"] != before["foot"]
+    shown = [line for line, _ in oncue("panels").result_lines(after)]
+    assert shown[0] == "Sit: not met"
+    # What was true of the run stays.
+    assert (after["seed"], after["settings"]) == (before["seed"], before["settings"])
+    assert after["extension"]["captures"] == before["extension"]["captures"]
+
+
 def test_what_cannot_be_resolved_is_a_sentence(oncue, sitting, context):
     character, action = sitting
     keys = keys_of(oncue, action)
@@ -375,12 +450,12 @@ def test_keys_that_change_while_it_solves_are_not_overwritten(oncue, sitting, co
     frame = round(action.frame_range[1]) - 20
     turn(character, "Head", frame, 0.3)
     session, pipeline = oncue("bridge.session"), oncue("pipeline")
-    request, take = session.read_edit(context)
+    request, take, said = session.read_edit(context)
     edited = pipeline.run_blocking(pipeline.edit_steps(request))
     turn(character, "Neck", frame, 0.3)
     keys = keys_of(oncue, action)
     with pytest.raises(oncue("errors").SceneError, match="changed while it was solving"):
-        session.write_edit(context, take, edited)
+        session.write_edit(context, request, take, edited, said)
     assert keys_of(oncue, action) == keys
 
 
@@ -456,14 +531,17 @@ def test_the_artists_keys_stay_and_are_kept_for_the_next_time(oncue, made, take_
     assert again.edit()[1] == [{"joint": "RightForeArm", "frame": 25}]
 
 
-def test_keys_that_were_taken_out_come_back(oncue, made, take_of, motion, skeleton):
-    character, _ = made()
-    for frame in range(22, 28):
-        character.pose.bones["RightArm"].keyframe_delete("rotation_quaternion", frame=START + frame)
+def test_keys_that_were_taken_out_stay_out(oncue, made, take_of, motion, skeleton):
+    """A take that somebody thinned out is not filled up again."""
+    character, action = made()
+    take_out(character, "RightArm", range(22, 28))
+    before = keys_of(oncue, action)
     new = edited(oncue, motion, skeleton["names"].index("RightArm"), 20, 30)
     take_of(character).write(new, np.ones((FRAMES, 2)))
-    heads = evaluated_heads(character, skeleton["names"], START + np.arange(FRAMES))
-    assert np.abs(heads - forward_kinematics(skeleton, new)).max() < 1e-4
+    for (path, axis), keys in keys_of(oncue, action).items():
+        old, now = (np.frombuffer(k, dtype=np.float32).reshape(-1, 2) for k in (before[path, axis], keys))
+        assert np.array_equal(old[:, 0], now[:, 0])
+    assert take_of(character).gaps() == {skeleton["names"].index("RightArm"): set(range(22, 28))}
 
 
 def test_an_unchanged_motion_changes_no_key(oncue, made, take_of, motion):
