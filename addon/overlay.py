@@ -131,7 +131,8 @@ def _draw() -> None:
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     shader.uniform_float("lineWidth", LINE_WIDTH * context.preferences.system.ui_scale)
     drawn = [(PIN_COLOR, pin_lines(context))]
-    for cue in visible_cues(context, *KINDS):
+    # Of those that count, this view may hide some.
+    for cue in (cue for cue in visible_cues(context, *KINDS) if cue.visible_get()):
         kind = cue[CUE_KEY]
         color = tuple(known.ghost_color) if known and kind == "sit" else KINDS[kind][3]
         drawn.append((color, cue_lines(context, cue)))

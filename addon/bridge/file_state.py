@@ -18,6 +18,7 @@ from ..errors import CharacterError, SceneError
 from . import compat
 from .bones import driven_bones, keyed_channels, leftovers, unwritten
 from .scene_time import frame_rate, may_move, moving
+from .what_counts import is_shown, things_of
 
 #: Frames a second at which a motion can be shown: below, a step has hardly a frame; above is a slip of the keyboard.
 SLOWEST, FASTEST = 4.0, 1000.0
@@ -48,6 +49,27 @@ def check_over_time(context: bpy.types.Context, character: bpy.types.Object | No
         raise CharacterError(
             f"{character.name} itself is moved by its parent, a constraint, a driver or an NLA strip, and the motion "
             f"with it: clear these, {RESET}."
+        )
+
+
+def remarks(context: bpy.types.Context, character: bpy.types.Object | None) -> Iterator[tuple[str, str]]:
+    """(object, sentence) of what hinders no run but has the artist see something else than was read or is made."""
+    if character is not None and not is_shown(character, context.view_layer):
+        yield (
+            character.name,
+            f"{character.name} is hidden, so that its motion does not show: show it (Alt H, or its collection's eye).",
+        )
+    if context.area is None or context.area.type != "VIEW_3D":
+        return
+    shown = [thing for thing in things_of(context.view_layer) if is_shown(thing, context.view_layer)]
+    # Without being told another one it asks the view that the mouse is in.
+    hidden = [thing for thing in shown if not thing.visible_get(view_layer=context.view_layer)]
+    if hidden:
+        more = f" and {len(hidden) - 1} more" if len(hidden) > 1 else ""
+        yield (
+            hidden[0].name,
+            f"{hidden[0].name}{more} count, though this view does not show them (local view, local collections or "
+            "object types).",
         )
 
 
@@ -96,8 +118,6 @@ def _refusals(context: bpy.types.Context, character: bpy.types.Object) -> Iterat
             f"is linked from {character.library.filepath} and cannot get an action: make a library override of it, or "
             "clear the Character field in Oncue's settings"
         )
-    if not character.is_editable:
-        yield "is a library override that cannot be edited: make it editable (Object, Library Override)"
     if context.view_layer.objects.get(character.name) != character:
         yield (
             f"lies in no collection that the view layer {context.view_layer.name} shows: include its collection, or "

@@ -24,8 +24,12 @@ def things_of(view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
 
 
 def is_shown(thing: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
-    """Whether the view shows an object: its own eye and monitor, and those of the collections that it lies in."""
-    return thing.visible_get(view_layer=view_layer)
+    """Whether the view layer shows an object: its own eye and monitor, and those of the collections that it lies in.
+
+    Local view and what else belongs to one view alone is a way of working, and hides nothing: batch has no view.
+    """
+    with bpy.context.temp_override(area=None):
+        return thing.visible_get(view_layer=view_layer)
 
 
 class Furniture:
@@ -43,6 +47,7 @@ class Furniture:
         self._own = settings.character if settings else None
         if not native.MISSING:
             self._own = find_character(context.scene, native.core.skeleton()) or self._own
+        self._shown: dict[bpy.types.Object, bool] = {}
         #: Object → the persons whose it is. What is being found out counts as nobody's, so that circles end.
         self._persons: dict[bpy.types.Object, frozenset[bpy.types.Object]] = {}
 
@@ -51,7 +56,9 @@ class Furniture:
 
         A thing that only its instances show lies in no collection of the view: the instancing one is asked for.
         """
-        return is_shown(owners[-1], self._view_layer) and not any(map(self.is_left_out, owners))
+        if owners[-1] not in self._shown:
+            self._shown[owners[-1]] = is_shown(owners[-1], self._view_layer)
+        return self._shown[owners[-1]] and not any(map(self.is_left_out, owners))
 
     def is_of_person(self, thing: bpy.types.Object) -> bool:
         """Whether it is a character or hangs on one: by parents, an armature's deformation or a constraint."""
