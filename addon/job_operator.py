@@ -18,7 +18,7 @@ from bpy.app.handlers import persistent
 
 from . import log, native
 from .bridge import session
-from .errors import CharacterError, ScaleError
+from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .pipeline import Run, Steps, run_blocking
 
 #: Seconds between two looks at the work.
@@ -37,16 +37,22 @@ class Notice:
         self.message = ""
         #: Whether it tells a failure; what somebody stopped did not fail.
         self.failed = False
-        #: The kind of refusal, where a button helps: a subclass of `SceneError`, else None.
-        self.kind: type[BaseException] | None = None
-        #: What the artist saw when it was said.
+        #: The refusal, where a button helps, else None.
+        self.error: SceneError | None = None
+        #: What the artist saw when it was said, and whether it is of a state of the character.
         self._said_of: object = None
+        self._of_character = False
 
-    def say(self, message: str, *, failed: bool = False, kind: type[BaseException] | None = None) -> None:
+    def say(self, message: str, *, failed: bool = False, error: SceneError | None = None) -> None:
         """Shows a message until the file changes; that something was stopped goes by itself too."""
-        self.message, self.failed, self.kind = message, failed, kind
+        self.message, self.failed, self.error = message, failed, error
+        if error is not None:
+            # It is asked for its kind and its figures; what it was raised from would keep a whole run's arrays.
+            error.__traceback__ = error.__cause__ = error.__context__ = None
         # What interrupts a run may be changing the file just now: then it is looked at afterwards.
         self._said_of = session.what_is_seen(bpy.context) if failed else None
+        told = isinstance(error, CharacterError)
+        self._of_character = told and session.still_hindered(bpy.context, message)
         if message and not failed and not bpy.app.background:
             bpy.app.timers.register(self._forgetting(message), first_interval=STOPPED_NOTE_LASTS)
 
@@ -60,7 +66,7 @@ class Notice:
         seen = session.what_is_seen(bpy.context)
         if self._said_of is None:
             self._said_of = seen
-        elif self._said_of != seen:
+        elif self._said_of != seen or (self._of_character and not session.still_hindered(bpy.context, self.message)):
             self.forget()
             redraw_sidebars(bpy.context)
 
@@ -82,6 +88,8 @@ class JobHandle(Notice):
         super().__init__()
         self.run: Run | None = None
         self.title = ""
+        #: The scene that has to be shown before what the run gave can be written; empty while none has.
+        self.awaited = ""
         #: What is said where the artist stops the task.
         self.stopped_note = CANCELLED
         self._timer, self._window_manager = None, None
@@ -100,6 +108,7 @@ class JobHandle(Notice):
         if self._timer is not None:
             self._window_manager.event_timer_remove(self._timer)
         self.run, self._timer, self._window_manager = None, None, None
+        self.awaited = ""
         self.stopped_note = CANCELLED
 
     def stop(self, why: str) -> None:
@@ -166,7 +175,7 @@ class JobOperator:
             run.poll()
         except Exception as error:
             return self._refused(error)
-        self._scene, self._run = context.scene.name, run
+        self._scene, self._run = context.scene.session_uid, run
         handle.start(context, self.title, run, self.stopped_note)
         context.window_manager.modal_handler_add(self)
         redraw_sidebars(context)
@@ -183,7 +192,7 @@ class JobOperator:
             return {"CANCELLED"}
         if event.type == "TIMER":
             redraw_sidebars(context)
-            if run.poll():
+            if run.poll() and self._may_end(context, run):
                 return self._end(context, run)
         return {"PASS_THROUGH"}
 
@@ -192,14 +201,20 @@ class JobOperator:
         if self._run is handle.run:
             handle.stop("The run was stopped.")
 
+    def _may_end(self, context: bpy.types.Context, run: Run) -> bool:
+        """Whether the scene that the run was begun in is shown, or nothing is to be written into it."""
+        scene = session.scene_of(self._scene)
+        shown = scene is None or scene == context.scene or run.failed
+        handle.awaited = "" if shown else scene.name
+        return shown
+
     def _end(self, context: bpy.types.Context, run: Run) -> set[str]:
         handle.end()
         try:
             with log.bugs():
                 value = run.result()
-                if context.scene.name != self._scene:
-                    self.report({"ERROR"}, f"The result belongs to the scene {self._scene}: show it and run again.")
-                    return {"CANCELLED"}
+                if session.scene_of(self._scene) is None:
+                    raise SceneError("The scene was deleted meanwhile, and there is nowhere to write the result.")
                 self.finish(context, value)
         except Exception as error:
             return self._refused(error)
@@ -218,8 +233,8 @@ class JobOperator:
             traceback.print_exception(error)
             why = native.bug_sentence(error)
             message = f"{self.title} ended by {why} The file is as it was; the console tells more."
-        kind = next((kind for kind in (CharacterError, ScaleError) if isinstance(error, kind)), None)
-        handle.say(message, failed=failed, kind=kind)
+        helped = error if isinstance(error, CharacterError | EdgeError | ScaleError) else None
+        handle.say(message, failed=failed, error=helped)
         log.logger.log(logging.ERROR if failed else logging.INFO, message)
         self.report({"ERROR" if failed else "INFO"}, message)
         return {"CANCELLED"}

@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
+from types import ModuleType
 from typing import NoReturn
 
 from .errors import SceneError
 
-__all__ = ["MISSING", "check_loaded", "core", "expected_errors", "is_cancelled", "preset_names", "sentence"]
+__all__ = ["MISSING", "core", "expected_errors", "is_cancelled", "preset_names", "require", "sentence"]
 
 
 class _Missing:
@@ -26,10 +27,11 @@ except ImportError as error:  # the extension still loads, and says what is miss
     core = _Missing()  # type: ignore[assignment]  # no module, but nothing of the module's is ever got from it
 
 
-def check_loaded() -> None:
-    """Raises SceneError where the core could not be loaded, before anything else is asked or read."""
+def require() -> ModuleType:
+    """The core. Raises SceneError where it could not be loaded, before anything else is asked or read."""
     if MISSING:
         raise SceneError(MISSING)
+    return core
 
 
 def expected_errors() -> tuple[type[BaseException], ...]:

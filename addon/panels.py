@@ -14,10 +14,11 @@ from .bridge.cue_objects import KINDS
 from .bridge.cue_reader import ENDS, HANDS, visible_cues
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
-from .errors import CharacterError, ScaleError, SceneError
+from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .job_operator import handle
 from .operators.follow import following
 from .operators.synthesize import library_cache
+from .pipeline import Progress
 
 CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
 #: A list that is no longer is open at first; of a longer one so many lines are shown.
@@ -157,26 +158,23 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
         if native.MISSING:
             write_lines(context, layout, native.MISSING, "ERROR")
             return
-        if handle.run is not None:
-            _draw_progress(layout)
-            return
+        # As high while it works as before: what lies below stays where it is.
         row = layout.row()
         row.scale_y = 1.6
-        row.operator("oncue.synthesize", icon="ARMATURE_DATA")
-        _draw_following(context, layout)
-        if handle.message:
-            write_lines(context, layout.box(), handle.message, "ERROR" if handle.failed else "INFO")
-            if handle.kind is CharacterError:
-                layout.operator("oncue.reset_character", icon="LOOP_BACK")
-            elif handle.kind is ScaleError:
-                row = layout.row(align=True)
-                for label, scale in (("Centimetres", 0.01), ("Millimetres", 0.001), ("Metres", 1.0)):
-                    row.operator("oncue.set_scene_scale", text=label).scale = scale
+        if handle.run is not None:
+            progress = handle.run.progress()
+            stage = "Stopping" if handle.run.cancelled else progress.stage or handle.title
+            stage = f"Waits for {handle.awaited}" if handle.awaited else stage
+            row.progress(factor=min(max(progress.fraction, 0.0), 1.0), text=stage)
+            layout.operator("oncue.cancel", text="Cancel (Esc)", icon="CANCEL")
+        else:
+            row.operator("oncue.synthesize", icon="ARMATURE_DATA")
+            layout.operator("oncue.follow_cues", icon="CON_FOLLOWPATH", depress=following.on)
 
 
 class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
     bl_label = "Result"
-    bl_order = 4
+    bl_order = 5
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -185,15 +183,16 @@ class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, report = self.layout, session.current_report(context.scene)
         column = layout.column(align=True)
-        if not session.belongs_to_cues(context, report):
-            write_lines(context, column, "The cues have changed since: this motion belongs to where they were.", "INFO")
         try:
-            lines, problems = result_lines(report), session.problems_of(report)
+            if not session.belongs_to_cues(context, report):
+                said = "The cues have changed since: this motion belongs to where they were."
+                write_lines(context, column, said, "INFO")
+            lines, problems, deepest = result_lines(report), session.problems_of(report), deepest_line(report)
         except (KeyError, TypeError, ValueError, AttributeError):
-            lines, problems = [], ["The report that is kept with this take was changed and cannot be read."]
+            lines, deepest = [], None
+            problems = ["The report that is kept with this take was changed and cannot be read."]
         for line, icon in lines:
             column.label(text=line, icon=icon)
-        deepest = deepest_line(report)
         if deepest:
             row = column.row(align=True)
             row.label(text=deepest[0], icon="BLANK1")
@@ -202,9 +201,50 @@ class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
             write_lines(context, layout.box(), problem, "ERROR")
 
 
+class ONCUE_PT_messages(OncuePanel, bpy.types.Panel):
+    """What is said: below everything else, so that it pushes no button from under the mouse when it comes and goes."""
+
+    bl_label = "Messages"
+    bl_order = 6
+    bl_options = {"HIDE_HEADER"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(handle.run or handle.message or following_line(context)[0])
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        if handle.run is not None:
+            for line, icon in progress_lines(handle.run.progress()):
+                layout.label(text=line, icon=icon)
+            if handle.awaited:
+                said = f"The result is ready and belongs to the scene {handle.awaited}: show it, and it is written."
+                write_lines(context, layout, said, "INFO")
+            return
+        line, icon = following_line(context)
+        if line:
+            write_lines(context, layout, line, icon)
+        if handle.message:
+            write_lines(context, layout.box(), handle.message, "ERROR" if handle.failed else "INFO")
+            _draw_way_out(layout, handle.error)
+
+
+def _draw_way_out(layout: bpy.types.UILayout, error: BaseException | None) -> None:
+    """The button that does what a refusal asks for."""
+    if isinstance(error, CharacterError):
+        layout.operator("oncue.reset_character", icon="LOOP_BACK")
+    elif isinstance(error, EdgeError):
+        button = layout.operator("oncue.move_to_edge", icon="SNAP_EDGE")
+        button.place, button.yaw = error.place, error.yaw
+    elif isinstance(error, ScaleError):
+        row = layout.row(align=True)
+        for label, scale in (("Centimetres", 0.01), ("Millimetres", 0.001), ("Metres", 1.0)):
+            row.operator("oncue.set_scene_scale", text=label).scale = scale
+
+
 class ONCUE_PT_edit(OncuePanel, bpy.types.Panel):
     bl_label = "Edit"
-    bl_order = 5
+    bl_order = 4
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -251,6 +291,10 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
         lines.append((f"Skate {report['foot']['skate_cm']:.2f} cm a frame", "BLANK1"))
     if "penetration" in report:
         lines += _clipping_lines(report["penetration"])
+    moving = report.get("extension", {}).get("moving", {})
+    if moving.get("meetings"):
+        met = ", ".join(meeting["object"] for meeting in moving["meetings"])
+        lines.append((f"    in what moves ({met}) in {moving['percent']:.1f} %", "BLANK1"))
     seconds = report.get("extension", {}).get("seconds", {})
     if seconds:
         lines.append((f"Made in {sum(seconds.values()):.0f} s, seed {report.get('seed', 0)}", "TIME"))
@@ -308,25 +352,14 @@ def _draw_manifold(column: bpy.types.UILayout, settings) -> None:
     column.operator("oncue.train_manifold", icon="GRAPH")
 
 
-def _draw_progress(layout: bpy.types.UILayout) -> None:
-    progress = handle.run.progress()
-    stage = "Stopping" if handle.run.cancelled else progress.stage or handle.title
-    layout.progress(factor=min(max(progress.fraction, 0.0), 1.0), text=stage)
-    column = layout.column(align=True)
-    if progress.update:
-        column.label(
-            text=f"Update {progress.update}, success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}"
-        )
+def progress_lines(progress: Progress) -> list[tuple[str, str]]:
+    """What a run tells besides its stage, as (line, icon)."""
     left = f", about {progress.remaining_s:.0f} s left" if progress.remaining_s is not None else ""
-    column.label(text=f"{progress.elapsed_s:.0f} s{left}", icon="TIME")
-    layout.operator("oncue.cancel", text="Cancel (Esc)", icon="CANCEL")
-
-
-def _draw_following(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
-    layout.operator("oncue.follow_cues", icon="CON_FOLLOWPATH", depress=following.on)
-    line, icon = following_line(context)
-    if line:
-        write_lines(context, layout, line, icon)
+    lines = [(f"{progress.elapsed_s:.0f} s{left}", "TIME")]
+    if progress.update:
+        learnt = f"success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}"
+        lines.append((f"Update {progress.update}, {learnt}", "BLANK1"))
+    return lines
 
 
 def following_line(context: bpy.types.Context) -> tuple[str, str]:
@@ -353,7 +386,7 @@ def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: st
 
 CLASSES = (
     *(ONCUE_UL_library, ONCUE_PT_cues, ONCUE_PT_library, ONCUE_PT_settings),
-    *(ONCUE_PT_synthesize, ONCUE_PT_results, ONCUE_PT_edit),
+    *(ONCUE_PT_synthesize, ONCUE_PT_edit, ONCUE_PT_results, ONCUE_PT_messages),
 )
 
 

@@ -16,7 +16,7 @@ from typing import Generic, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import SceneError
+from .errors import EdgeError, SceneError
 from .log import logger
 from .motion import Motion
 from .moving import Mesh, Thing, by_object, joined, nothing_met, stands
@@ -88,15 +88,23 @@ class EditRequest:
     constraints: list[core.Constraint]
     #: World height of the floor, metres.
     floor: float
-    #: Scene triangles as a `Request` has them, which a seated body is kept out of; None where there are none.
-    positions: NDArray[np.float32] | None = None
-    triangles: NDArray[np.uint32] | None = None
+    #: Scene triangles as a `Request` has them, which a seated body is kept out of; none where there are none.
+    positions: NDArray[np.float32] = field(default_factory=lambda: np.empty((0, 3), np.float32))
+    triangles: NDArray[np.uint32] = field(default_factory=lambda: np.empty((0, 3), np.uint32))
     preset: str = "default"
     overrides: core.Settings = field(default_factory=dict)
     manifold: str = ""
     #: As of a `Request`.
     start_frame: int = 0
     scene_rate: float = CORE_RATE
+    moving: tuple[Thing, ...] = ()
+    owners: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, np.uint32))
+    names: tuple[str, ...] = ()
+    #: What the motion was made for; None where nobody knows any more.
+    task: core.Task | None = None
+    #: Frames of the motion: at which the cue is to be met, and from which on the person sits down.
+    complete: int = 0
+    action_from: int | None = None
 
 
 @dataclass(frozen=True)
@@ -109,10 +117,22 @@ class Outcome:
     captures: Captures = field(default_factory=list)
     #: How the motion gets past what moves, and the core's frames that the person waits before it begins.
     passing: core.Passing = field(default_factory=nothing_met)
+    #: Of the report, with what moves where it stands on each frame; None where nothing does.
+    penetration: core.PenetrationFigures | None = None
 
     def begins(self, request: Request) -> int:
         """The scene's frame at which the motion begins."""
         return request.start_frame + round(self.passing["wait"] * request.scene_rate / CORE_RATE)
+
+
+@dataclass(frozen=True)
+class EditOutcome:
+    """What an edit gives: the core's edited motion, and how it looks now."""
+
+    edited: core.EditedMotion
+    #: None where nobody knows any more what the motion was made for.
+    measured: core.Measured | None
+    passing: core.Passing = field(default_factory=nothing_met)
 
 
 #: (path, time of the last change in ns, bytes) of each file of a library.
@@ -149,13 +169,19 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
         library, captures = yield from library_steps(request.library, cache)
     made: list[tuple[core.Synthesis, core.Passing]] = []
     refused: Exception | None = None
+    stays = None
+    if request.moving and len(request.triangles):
+        # What moves is elsewhere by the time at which a motion planned about it is there.
+        with _timed(seconds, "scene_index"):
+            still = request.positions, request.triangles
+            stays = yield from finish(core.index_scene(*still, settings["scene"], request.task))
     for positions, triangles in _scenes(request):
         with _timed(seconds, "scene_index"):
             scene = yield from finish(core.index_scene(positions, triangles, settings["scene"], request.task))
         try:
             with _timed(seconds, "synthesis"), told_in_scene_frames(request.start_frame, request.scene_rate):
                 kept = policies.find(scene, library) if policies else None
-                job = core.synthesize(scene, library, request.task, settings, request.seed, kept, manifold)
+                job = core.synthesize(scene, library, request.task, settings, request.seed, kept, manifold, stays)
                 synthesis = yield from finish(job)
         except SceneError as error:
             # As things stand otherwise there may be a way.
@@ -171,7 +197,15 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     if refused is not None and not made:
         raise _because_it_moves(refused, request)
     synthesis, passing = min(made, key=_shortfall)
-    return Outcome(synthesis, seconds, captures, passing)
+    penetration = None
+    if stays is not None:
+        report = synthesis.report
+        complete = report["cues"][0]["frame"] if report["cues"] else 0
+        seen = (request.task, complete, report["action_from"], stays, settings)
+        with _timed(seconds, "moving"):
+            looks = _looks(synthesis, request.moving, passing["wait"], *seen)
+            penetration = (yield from looks)["penetration"]
+    return Outcome(synthesis, seconds, captures, passing, penetration)
 
 
 #: A person waits no longer for a way to be free, the core's frames: 20 s.
@@ -189,19 +223,41 @@ def _scenes(request: Request) -> Iterator[Mesh]:
 
 def _passing_steps(request: Request, synthesis: core.Synthesis) -> Steps[core.Passing]:
     """How a motion gets past what moves. A hand that holds something on its way keeps its frames: then nobody waits."""
-    if not request.moving:
-        return nothing_met()
     hands = bool(request.task.get("manipulations"))
-    job = core.pass_moving(
-        np.asarray(synthesis.root_positions),
-        np.asarray(synthesis.rotations),
-        np.asarray(synthesis.contacts),
-        [one for thing in request.moving for one in thing.for_core()],
-        request.task["start"]["position"][2],
-        hands,
-        0 if hands else MOST_WAIT,
-    )
-    return by_object((yield from finish(job)))
+    floor = request.task["start"]["position"][2]
+    return (yield from _past(request.moving, synthesis, floor, hands, 0 if hands else MOST_WAIT))
+
+
+def _looks(
+    made: core.Synthesis | core.EditedMotion,
+    moving: tuple[Thing, ...],
+    wait: int,
+    task: core.Task,
+    complete: int,
+    action_from: int | None,
+    stays: core.SceneIndex | None,
+    settings: core.Settings,
+) -> Steps[core.Measured]:
+    """What can be seen of a motion among what stays and what moves."""
+    objects = [one for thing in moving for one in thing.for_core()]
+    job = core.measure_motion(*_arrays(made), task, complete, action_from, stays, settings, objects, wait)
+    return (yield from finish(job))
+
+
+def _past(
+    moving: tuple[Thing, ...], made: core.Synthesis | core.EditedMotion, floor: float, hands: bool, most_wait: int
+) -> Steps[core.Passing]:
+    """How a motion gets past what moves; with `hands` the arms may touch it."""
+    if not moving:
+        return nothing_met()
+    objects = [one for thing in moving for one in thing.for_core()]
+    return by_object((yield from finish(core.pass_moving(*_arrays(made), objects, floor, hands, most_wait))))
+
+
+def _arrays(
+    made: core.Synthesis | core.EditedMotion,
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    return np.asarray(made.root_positions), np.asarray(made.rotations), np.asarray(made.contacts)
 
 
 def _shortfall(made: tuple[core.Synthesis, core.Passing]) -> tuple[bool, int]:
@@ -217,9 +273,8 @@ def _because_it_moves(error: Exception, request: Request) -> Exception:
     found = list(dict.fromkeys(thing.name for thing in request.moving))
     names = ", ".join(f"‘{name}’" for name in found[:3])
     more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-    return SceneError(
-        f"{error} What moves ({names}{more}) was taken as it stands at the first frame, and elsewhere too."
-    )
+    said = f"{error} What moves ({names}{more}) was taken as it stands at the first frame, and elsewhere too."
+    return EdgeError(said, error.place, error.yaw) if isinstance(error, EdgeError) else SceneError(said)
 
 
 def all_met(report: core.Report) -> bool:
@@ -235,13 +290,17 @@ def _log_request(request: Request) -> None:
     logger.info("Start %s, cue %s, hands %s, overrides %s", task["start"], task["cue"], hands, request.overrides)
 
 
-def edit_steps(request: EditRequest) -> Steps[core.EditedMotion]:
-    """Solves an artist's edit; gives the core's edited motion."""
-    scene, manifold = None, read_manifold(request.manifold)
+def edit_steps(request: EditRequest) -> Steps[EditOutcome]:
+    """Solves an artist's edit, and measures what came of it."""
+    manifold = read_manifold(request.manifold)
     settings = merged(core.default_settings(request.preset), request.overrides)
-    if request.positions is not None and request.triangles is not None:
-        on_floor = {"floor_height": request.floor, **_given(settings["scene"])}
-        scene = yield from finish(core.index_scene(request.positions, request.triangles, on_floor))
+    on_floor = {"floor_height": request.floor, **_given(settings["scene"])}
+    still = request.positions, request.triangles
+    stays = scene = (yield from finish(core.index_scene(*still, on_floor))) if len(request.triangles) else None
+    if request.moving:
+        # Who sits at the end sits on what stands there by then.
+        last = [(thing.at(len(request.contacts)), thing.triangles) for thing in request.moving]
+        scene = yield from finish(core.index_scene(*joined([still, *last]), on_floor))
     with told_in_scene_frames(request.start_frame, request.scene_rate):
         edited = yield from finish(
             core.edit_motion(
@@ -256,7 +315,12 @@ def edit_steps(request: EditRequest) -> Steps[core.EditedMotion]:
                 manifold=manifold,
             )
         )
-    return edited
+    measured = None
+    if request.task is not None:
+        seen = (request.task, request.complete, request.action_from, stays, settings)
+        measured = yield from _looks(edited, request.moving, 0, *seen)
+    hands = bool(request.task and request.task.get("manipulations"))
+    return EditOutcome(edited, measured, (yield from _past(request.moving, edited, request.floor, hands, 0)))
 
 
 def _given(settings: core.Settings) -> core.Settings:
@@ -463,6 +527,11 @@ class Run(Generic[T_co]):
         if self._given is None:
             raise RuntimeError("The run has not finished yet.")
         return self._given[0]
+
+    @property
+    def failed(self) -> bool:
+        """Whether it is finished and there is nothing to write."""
+        return self._finished and (self._error is not None or self._cancelled)
 
     def progress(self) -> Progress:
         now = time.perf_counter()

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from . import native
-from .errors import SceneError
+from .errors import EdgeError, SceneError
 
 #: The core's frames a second.
 CORE_RATE = 30.0
@@ -43,5 +43,7 @@ def told_in_scene_frames(start_frame: int, scene_rate: float) -> Iterator[None]:
     """What the core refuses in the block is a SceneError that names the scene's frames."""
     try:
         yield
+    except native.core.EdgeError as error:
+        raise EdgeError(str(error), error.place, error.yaw) from error
     except native.core.InputError as error:
         raise SceneError(in_scene_frames(str(error), start_frame, scene_rate)) from error

@@ -21,12 +21,15 @@ def all_or_nothing(context: bpy.types.Context) -> Iterator[None]:
     there = {kind: {item.as_pointer() for item in getattr(bpy.data, kind)} for kind in KINDS}
     character = settings.character
     played = _played(character)
+    kept = bool(played and played[0] and played[0].use_fake_user)
     numbers = (scene.frame_end, settings.shot_end, settings.fitted_end)
     try:
         yield
     except BaseException:
         settings.character = character
         _play(character, played)
+        if played and played[0]:
+            played[0].use_fake_user = kept
         scene.frame_end, settings.shot_end, settings.fitted_end = numbers
         for kind in KINDS:
             made = [item for item in getattr(bpy.data, kind) if item.as_pointer() not in there[kind]]

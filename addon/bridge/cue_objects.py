@@ -14,7 +14,8 @@ from mathutils import Matrix, Vector
 from ..errors import SceneError
 from . import compat
 from .names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, GIVEN_YAW_KEY, LAST_FRAME_KEY, oncue_collection
-from .what_counts import things_of
+from .scene_time import may_move
+from .what_counts import is_shown, things_of
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
 KINDS = {
@@ -81,7 +82,7 @@ def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metre
     """Moves the visible cue of this kind there (a sit and a stop take each other's place), or makes one; selects it."""
     group = ("start",) if kind == "start" else ("sit", "stop")
     label, shape, size, color = KINDS[kind]
-    there = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) in group and o.visible_get()]
+    there = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) in group and is_shown(o, context.view_layer)]
     if there:
         cue = there[0]
         if not cue.is_editable:
@@ -103,10 +104,24 @@ def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metre
     return cue
 
 
+def move_end_cue(context: bpy.types.Context, position, yaw: float, metres_per_unit: float) -> bpy.types.Object:
+    """Moves the visible sit or stop cue and its feet. Raises SceneError where there is none, or keys hold it."""
+    ends = [
+        o
+        for o in things_of(context.view_layer)
+        if o.get(CUE_KEY) in ("sit", "stop") and is_shown(o, context.view_layer)
+    ]
+    if not ends:
+        raise SceneError("There is no Sit or Stop cue any more.")
+    if may_move(ends[0]):
+        raise SceneError(f"{ends[0].name} is animated, so that it would not stay there: move its keys instead.")
+    return place_cue(context, ends[0][CUE_KEY], position, yaw, metres_per_unit)
+
+
 def _turn_start(context: bpy.types.Context) -> None:
     """Turns the start towards the end cue, unless somebody has turned it."""
     for start in things_of(context.view_layer):
-        if start.get(CUE_KEY) != "start" or not start.visible_get() or not start.is_editable:
+        if start.get(CUE_KEY) != "start" or not is_shown(start, context.view_layer) or not start.is_editable:
             continue
         forward = forward_of(start.matrix_world)
         given, now = start.get(GIVEN_YAW_KEY), yaw_from_heading(math.atan2(forward.y, forward.x))
@@ -119,7 +134,11 @@ def _turn_start(context: bpy.types.Context) -> None:
 def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) -> bpy.types.Object:
     """A foot cue in front of the visible sit or stop cue, on the start's floor. Raises SceneError without a cue."""
     kind = f"{side}_foot"
-    ends = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) in ("sit", "stop") and o.visible_get()]
+    ends = [
+        o
+        for o in things_of(context.view_layer)
+        if o.get(CUE_KEY) in ("sit", "stop") and is_shown(o, context.view_layer)
+    ]
     if not ends:
         raise SceneError("Place a Sit or Stop cue first: the feet belong to it.")
     cue, unit = ends[0], 1.0 / metres_per_unit
@@ -131,7 +150,7 @@ def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) ->
     left = Vector((-forward.y, forward.x, 0.0))
     ahead, aside = (0.42 if cue[CUE_KEY] == "sit" else 0.0), (0.10 if side == "left" else -0.10)
     place = cue.matrix_world.translation + (forward * ahead + left * aside) * unit
-    starts = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) == "start" and o.visible_get()]
+    starts = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) == "start" and is_shown(o, context.view_layer)]
     if starts:
         place.z = starts[0].matrix_world.translation.z
     elif cue[CUE_KEY] == "sit":
@@ -197,7 +216,7 @@ def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector) -> f
     """A first guess of a standing cue's yaw: a start looks towards the end cue, a stop away from the start."""
     others = ("sit", "stop") if kind == "start" else ("start",)
     for other in things_of(context.view_layer):
-        if other.get(CUE_KEY) in others and other.visible_get():
+        if other.get(CUE_KEY) in others and is_shown(other, context.view_layer):
             way = other.matrix_world.translation - Vector(place)
             if way.xy.length > 1e-3:
                 way = way if kind == "start" else -way

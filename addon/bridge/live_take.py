@@ -100,7 +100,7 @@ class LiveTake:
 
 def _copy(scene: bpy.types.Scene, played: bpy.types.Action, report: dict) -> bpy.types.Action:
     action = played.copy()
-    action.name = f"{report.get('task', {}).get('cue', {}).get('name', 'Cue')} live"
+    action.name = f"{report.get('extension', {}).get('title', 'Cue')} live"
     action.pop(PINS_KEY, None)
     action.use_fake_user = True
     _play(scene.oncue.character, action)

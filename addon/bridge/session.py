@@ -18,15 +18,15 @@ from .. import native
 from ..errors import SceneError
 from ..motion import Motion
 from ..moving import meeting_sentences
-from ..pipeline import EditRequest, LibraryChoice, Outcome, Request
+from ..pipeline import EditOutcome, EditRequest, LibraryChoice, Outcome, Request
 from ..scene_frames import CORE_RATE, in_scene_frames
 from . import armature, character_reset, compat, file_state, pins
 from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
-from .cue_reader import ENDS, FEET, at_first_frame, read_task, visible_cues
-from .hand_reader import read_manipulations
+from .cue_reader import ENDS, FEET, HANDS, at_first_frame, read_task, visible_cues
+from .hand_reader import core_frames, read_manipulations
 from .moving_reader import read_moving, taken_as_it_stands
-from .names import CHARACTER_KEY, REPORT_KEY
+from .names import CHARACTER_KEY, LIVE_KEY, REPORT_KEY
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
 from .take import Take, keep_solved, solved_take
@@ -34,6 +34,8 @@ from .what_counts import things_of
 
 #: A place that is no farther from a triangle lies on it, metres.
 ON_SURFACE = 0.003
+#: The seat under a cue is looked for so far down, metres.
+UNDER_PELVIS = 0.35
 #: A cue that has moved or turned by less is where it was, metres and radians.
 SAME_PLACE = 1e-3
 
@@ -72,7 +74,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     Without `hands` the hand cues are left out, and all else for which it goes through the frames. Raises SceneError;
     changes nothing.
     """
-    native.check_loaded()
+    native.require()
     settings, skeleton = context.scene.oncue, native.core.skeleton()
     character = armature.character_of(context.scene, skeleton)
     file_state.check(context, character, skeleton)
@@ -114,7 +116,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         owners,
         tuple(meshes.names),
     )
-    return request, [*meshes.skipped, *notes]
+    return request, [*meshes.skipped, *notes, *file_state.remarks(context, character)]
 
 
 def with_cues(context: bpy.types.Context, request: Request) -> Request:
@@ -133,8 +135,10 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
     )
 
 
-def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
-    """What Re-solve needs, and the take as it is before. Raises SceneError; changes nothing but the slot played."""
+def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple[str, str]]]:
+    """What Re-solve needs, the take as it is before, and (object, reason) of what cannot be read as it moves. Raises
+    SceneError; changes nothing but the slot played.
+    """
     core, settings = native.core, context.scene.oncue
     action = pins.editable_action_of(settings.character)
     file_state.check(context, settings.character, core.skeleton())
@@ -143,27 +147,48 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take]:
     take = Take(context.scene, settings.character, action, core.skeleton())
     motion, keys, constraints = take.edit()
     report = report_of(action) or {}
-    try:
-        meshes = read_scene(context, exclude=settings.exclude, metres_per_unit=settings.scene_scale)
-        positions, triangles = meshes.positions, meshes.triangles
-    except SceneError:  # an edit needs nothing to walk on
-        positions = triangles = None
-    file_state.check_over_time(context, settings.character)
+    task, complete, action_from = _made_for(report)
     request = EditRequest(
         motion,
         take.solved.contacts,
         keys,
         constraints,
         floor_of(report, motion, core.skeleton()),
-        positions,
-        triangles,
-        settings.preset,
-        read_overrides(settings.overrides),
-        manifold_path(context.scene),
-        take.solved.start_frame,
-        take.solved.scene_rate,
+        preset=settings.preset,
+        overrides=read_overrides(settings.overrides),
+        manifold=manifold_path(context.scene),
+        start_frame=take.solved.start_frame,
+        scene_rate=take.solved.scene_rate,
+        task=task,
+        complete=complete,
+        action_from=action_from,
     )
-    return request, take
+    try:
+        meshes = read_scene(context, exclude=settings.exclude, metres_per_unit=settings.scene_scale)
+    except SceneError:  # an edit needs nothing to walk on
+        meshes = None
+    file_state.check_over_time(context, settings.character)
+    if meshes is None:
+        return request, take, []
+    read = read_moving(context, meshes, take.solved.start_frame, settings.scene_scale)
+    positions, triangles, owners, moving, said = read
+    seen = {"positions": positions, "triangles": triangles, "owners": owners, "names": tuple(meshes.names)}
+    return replace(request, **seen, moving=moving), take, [*meshes.skipped, *said]
+
+
+def _made_for(report: dict) -> tuple[dict | None, int, int | None]:
+    """The task of a report, the frame at which its cue was to be met, and that from which on the person sits down."""
+    try:
+        task, complete = report["task"], int(report["cues"][0]["frame"])
+        action_from = report.get("action_from")
+        return task, complete, None if action_from is None else int(action_from)
+    except (LookupError, TypeError, ValueError):
+        return None, 0, None
+
+
+def scene_of(session_uid: int) -> bpy.types.Scene | None:
+    """The scene that is known by this number while the file is open, whatever it is called; None once it is deleted."""
+    return next((scene for scene in bpy.data.scenes if scene.session_uid == session_uid), None)
 
 
 def reset_character(context: bpy.types.Context) -> None:
@@ -183,9 +208,15 @@ def floor_of(report: dict, motion: Motion, skeleton: dict) -> float:
     return float(start["position"][2] if start else motion.root_positions[0, 2] - skeleton["rest_hips_height"])
 
 
-def write_edit(context: bpy.types.Context, take: Take, edited: object) -> tuple[int, int] | None:
+def write_edit(
+    context: bpy.types.Context,
+    request: EditRequest,
+    take: Take,
+    outcome: EditOutcome,
+    skipped: list[tuple[str, str]],
+) -> tuple[int, int] | None:
     """Writes an edited motion back; the scene's frames it touched. Raises SceneError if the keys changed meanwhile."""
-    settings = context.scene.oncue
+    settings, edited = context.scene.oncue, outcome.edited
     action = pins.action_of(settings.character)
     now = Take(context.scene, settings.character, action, native.core.skeleton())
     if action != take.action or not now.is_as(take):
@@ -195,8 +226,20 @@ def write_edit(context: bpy.types.Context, take: Take, edited: object) -> tuple[
         touched = now.write(motion, np.asarray(edited.contacts))
         report = report_of(action)
         if report is not None:
-            action[REPORT_KEY] = json.dumps({**report, "artist": edited.figures})
+            action[REPORT_KEY] = json.dumps(edited_report(report, request, outcome, skipped))
     return touched
+
+
+def edited_report(report: dict, request: EditRequest, outcome: EditOutcome, skipped: list[tuple[str, str]]) -> dict:
+    """A report with what is true of the motion after an edit."""
+    report = {**report, "artist": outcome.edited.figures}
+    if outcome.measured is None:
+        return report
+    seen = {name: value for name, value in outcome.measured.items() if value is not None}
+    kept = {name: value for name, value in report.items() if name not in outcome.measured}
+    extension = {**report.get("extension", {}), "skipped_objects": _skipped(skipped)}
+    told = _told({**seen, "extension": extension}, request, outcome.passing, request.start_frame)
+    return {**kept, **seen, **told}
 
 
 def what_is_seen(context: bpy.types.Context) -> object:
@@ -206,10 +249,23 @@ def what_is_seen(context: bpy.types.Context) -> object:
         (thing.name, thing.visible_get(), np.array(thing.matrix_world, dtype=np.float32).tobytes())
         for thing in things_of(context.view_layer)
     ]
-    chosen = (settings.seed, settings.start_frame, settings.preset, settings.overrides, settings.scene_scale)
+    render = context.scene.render
+    time = (render.fps, render.fps_base, render.frame_map_old, render.frame_map_new, settings.start_frame)
+    chosen = (settings.seed, time, settings.preset, settings.overrides, settings.scene_scale, settings.mapping)
     paths = tuple(item.path for item in settings.library_paths)
     named = (settings.manifold, settings.starter, settings.character, settings.exclude, context.mode)
     return hash((context.scene.name, tuple(things), chosen, paths, named))
+
+
+def still_hindered(context: bpy.types.Context, words: str) -> bool:
+    """Whether the scene's character is still in the state that was told in these words."""
+    character = context.scene.oncue.character
+    try:
+        if character is not None:
+            file_state.check_character(context, character, native.core.skeleton())
+    except (SceneError, LookupError) as error:
+        return str(error) == words
+    return False
 
 
 def read_overrides(text: str) -> dict:
@@ -258,7 +314,7 @@ def write_outcome(
             character,
             names,
             motion,
-            name=f"{request.task['cue']['name']} seed {request.seed}",
+            name=f"{title_of(request)} seed {request.seed}",
             report=full_report(request, outcome, skipped),
             **placed,
         )
@@ -270,51 +326,64 @@ def write_outcome(
 def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) -> dict:
     """The core's report with what only Blender's side knows."""
     report, begins = outcome.synthesis.report, outcome.begins(request)
+    if outcome.penetration is not None:
+        report = {**report, "penetration": outcome.penetration}
+    extension = {
+        "blender_version": compat.BLENDER_VERSION,
+        "preset": request.preset,
+        "overrides": request.overrides,
+        "manifold": request.manifold,
+        "library": {**asdict(request.library), "paths": list(request.library.paths)},
+        "title": title_of(request),
+        "scene_triangles": len(request.triangles) + sum(len(thing.triangles) for thing in request.moving),
+        "begins": begins,
+        "skipped_objects": _skipped(skipped),
+        "captures": outcome.captures,
+        "skipped_files": [
+            {"file": capture["file"], "reason": capture["reason"] or ""}
+            for capture in outcome.captures
+            if not capture["clip"]
+        ],
+        "seconds": outcome.seconds,
+    }
+    told = _told({**report, "extension": extension}, request, outcome.passing, begins)
+    return {**report, "task": request.task, **told}
+
+
+def _skipped(skipped: list[tuple[str, str]]) -> list[dict]:
+    return [{"object": name, "reason": reason} for name, reason in skipped]
+
+
+def _told(report: dict, request: Request | EditRequest, passing: dict, begins: int) -> dict:
+    """What of a report names the scene's objects and frames, with what moves in it."""
     named = with_objects(report["problems"], request, report)
     told = [in_scene_frames(problem, begins, request.scene_rate) for problem in named]
-    meetings = meeting_sentences(outcome.passing["meetings"], begins, request.scene_rate)
+    meetings = meeting_sentences(passing["meetings"], begins, request.scene_rate)
+    problems = [*meetings, *told]
+    objects = list(dict.fromkeys(thing.name for thing in request.moving))
     return {
-        **report,
-        "success": report["success"] and not meetings,
-        "problems": [*meetings, *told],
-        "task": request.task,
+        "success": not problems,
+        "problems": problems,
         "extension": {
-            "blender_version": compat.BLENDER_VERSION,
-            "preset": request.preset,
-            "overrides": request.overrides,
-            "manifold": request.manifold,
-            "library": {**asdict(request.library), "paths": list(request.library.paths)},
-            "scene_triangles": len(request.triangles) + sum(len(thing.triangles) for thing in request.moving),
-            "begins": begins,
-            "deepest": deepest_touch(request, report, begins),
-            "moving": {"objects": list(dict.fromkeys(thing.name for thing in request.moving)), **outcome.passing},
-            "skipped_objects": [{"object": name, "reason": reason} for name, reason in skipped],
-            "captures": outcome.captures,
-            "skipped_files": [
-                {"file": capture["file"], "reason": capture["reason"] or ""}
-                for capture in outcome.captures
-                if not capture["clip"]
-            ],
-            "seconds": outcome.seconds,
+            **report["extension"],
+            "deepest": deepest_touch(request, report, passing, begins),
+            "moving": {"objects": objects, **passing},
         },
     }
 
 
-def deepest_touch(request: Request, report: dict, begins: int) -> dict | None:
+def deepest_touch(request: Request | EditRequest, report: dict, passing: dict, begins: int) -> dict | None:
     """Which part of the body is deepest in which object, on which of the scene's frames; None where none is deep."""
     touches = ((report.get("body") or {}).get("scene") or {}).get("touches") or []
-    if not touches:
+    named = [{**touch, "object": object_at(request, touch["place"])} for touch in touches[:1]]
+    deepest = max([*named, *passing["meetings"]], key=lambda touch: touch["depth_cm"], default=None)
+    if deepest is None:
         return None
-    touch = touches[0]
-    return {
-        "part": touch["part"],
-        "object": object_at(request, touch["place"]),
-        "depth_cm": touch["depth_cm"],
-        "frame": round(begins + touch["frame"] * request.scene_rate / CORE_RATE),
-    }
+    frame = round(begins + deepest["frame"] * request.scene_rate / CORE_RATE)
+    return {**{name: deepest[name] for name in ("part", "object", "depth_cm")}, "frame": frame}
 
 
-def with_objects(problems: list[str], request: Request, report: dict) -> list[str]:
+def with_objects(problems: list[str], request: Request | EditRequest, report: dict) -> list[str]:
     """The core's sentences, which know places alone, with the objects that stand there."""
     touches = ((report.get("body") or {}).get("scene") or {}).get("touches") or []
     out = list(problems)
@@ -325,7 +394,7 @@ def with_objects(problems: list[str], request: Request, report: dict) -> list[st
     return out
 
 
-def object_at(request: Request, place: list[float]) -> str:
+def object_at(request: Request | EditRequest, place: list[float]) -> str:
     """The object on whose surface a place lies, or an empty name where it is none that stands still."""
     point = np.asarray(place, dtype=np.float64)
     corners = request.positions[request.triangles]
@@ -338,6 +407,39 @@ def object_at(request: Request, place: list[float]) -> str:
     off = np.abs(((point - a) * normals).sum(axis=1)) / np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
     best = int(np.argmin(off))
     return request.names[request.owners[near[best]]] if off[best] <= ON_SURFACE else ""
+
+
+def title_of(request: Request) -> str:
+    """What happens in a motion, as its action is called: where the person sits or stops, and with which hands."""
+    cue, hands = request.task["cue"], [hand["name"] for hand in request.task.get("manipulations", [])]
+    kind, name = cue["action_type"].title(), cue["name"].split(".")[0]
+    where = f" at {name}" if name not in {"Sit", "Stop"} else ""
+    if not where and kind == "Sit" and (seat := object_under(request, cue["position"])):
+        where = f" on {seat}"
+    return f"{kind}{where}" + (f" with {' and '.join(hands)}" if hands else "")
+
+
+def object_under(request: Request | EditRequest, place: list[float]) -> str:
+    """The object whose surface lies under a place, no farther than a seat under the pelvis; else an empty name."""
+    x, y, z = place
+    corners = request.positions[request.triangles].astype(np.float64)
+    if not len(corners) or not len(request.owners):
+        return ""
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    near = (low[:, :2] <= (x, y)).all(axis=1) & ((x, y) <= high[:, :2]).all(axis=1)
+    near = np.flatnonzero(near & (low[:, 2] <= z) & (high[:, 2] >= z - UNDER_PELVIS))
+    a, b, c = (corners[near, k] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    level = np.abs(normals[:, 2]) > 1e-12
+    near, a, b, c, normals = (part[level] for part in (near, a, b, c, normals))
+    over = a[:, 2] - (normals[:, 0] * (x - a[:, 0]) + normals[:, 1] * (y - a[:, 1])) / normals[:, 2]
+    sides = [
+        (q[:, 0] - p[:, 0]) * (y - p[:, 1]) - (q[:, 1] - p[:, 1]) * (x - p[:, 0]) for p, q in ((a, b), (b, c), (c, a))
+    ]
+    inside = (np.stack(sides) * np.sign(normals[:, 2]) >= 0.0).all(axis=0) & (z - UNDER_PELVIS <= over) & (over <= z)
+    if not inside.any():
+        return ""
+    return request.names[request.owners[near[inside][int(np.argmax(over[inside]))]]]
 
 
 def report_of(action: bpy.types.Action | None) -> dict | None:
@@ -363,7 +465,7 @@ def current_action(scene: bpy.types.Scene) -> bpy.types.Action | None:
 
 
 def belongs_to_cues(context: bpy.types.Context, report: dict) -> bool:
-    """Whether the cues stand where they stood when the motion of a report was made; hands and cues that move aside."""
+    """Whether the cues stand where they stood when the motion of a report was made; those that move aside."""
     made_for = report.get("task")
     if not isinstance(made_for, dict):
         return True
@@ -373,7 +475,33 @@ def belongs_to_cues(context: bpy.types.Context, report: dict) -> bool:
     except SceneError:
         return False
     animated = any(may_move(cue) for cue in visible_cues(context, "start", *ENDS, *FEET))
-    return animated or all(_is_same_cue(now[kind], made_for.get(kind)) for kind in ("start", "cue"))
+    here = animated or all(_is_same_cue(now[kind], made_for.get(kind)) for kind in ("start", "cue"))
+    # Hands are no part of what is made while the cues are followed.
+    live = LIVE_KEY in (current_action(context.scene) or {})
+    return here and (live or _are_same_hands(context, report))
+
+
+def _are_same_hands(context: bpy.types.Context, report: dict) -> bool:
+    """Whether the hand cues of a report are there, at their frames, and those that do not move at their places."""
+    scene, scale = context.scene, context.scene.oncue.scene_scale
+    made_for = {hand["name"]: hand for hand in report["task"].get("manipulations", [])}
+    cues = visible_cues(context, *HANDS)
+    if {cue.name for cue in cues} != set(made_for):
+        return False
+    begins = report.get("extension", {}).get("begins", scene.oncue.start_frame)
+    for cue in cues:
+        path, first = made_for[cue.name]["path"], made_for[cue.name]["first_frame"]
+        try:
+            frames = core_frames(scene, cue, begins)
+        except SceneError:
+            return False
+        if (frames.start, len(frames)) != (first, len(path)):
+            return False
+        if not may_move(cue) and not np.allclose(
+            np.array(cue.matrix_world.translation) * scale, path[0], atol=SAME_PLACE
+        ):
+            return False
+    return True
 
 
 def _is_same_cue(now: dict, before: object) -> bool:

@@ -8,7 +8,6 @@ import traceback
 import bpy
 
 from .. import native
-from ..errors import SceneError
 
 
 class Button:
@@ -23,8 +22,8 @@ class Button:
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
             self.act(context)
-        except SceneError as error:
-            self.report({"ERROR"}, str(error))
+        except native.expected_errors() as error:
+            self.report({"ERROR"}, native.sentence(error))
             return {"CANCELLED"}
         except Exception as error:
             traceback.print_exception(error)

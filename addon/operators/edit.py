@@ -8,8 +8,7 @@ from bpy.props import BoolProperty, IntProperty
 
 from ..bridge import pins, session, take
 from ..job_operator import JobOperator
-from ..native import core
-from ..pipeline import Steps, edit_steps
+from ..pipeline import EditOutcome, Steps, edit_steps
 from .button import Button
 
 
@@ -93,12 +92,12 @@ class ONCUE_OT_resolve(JobOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     title = "Re-solving"
 
-    def begin(self, context: bpy.types.Context) -> Steps[core.EditedMotion]:
-        request, self._take = session.read_edit(context)
-        return edit_steps(request)
+    def begin(self, context: bpy.types.Context) -> Steps[EditOutcome]:
+        self._request, self._take, self._said = session.read_edit(context)
+        return edit_steps(self._request)
 
-    def finish(self, context: bpy.types.Context, value: core.EditedMotion) -> None:
-        touched = session.write_edit(context, self._take, value)
+    def finish(self, context: bpy.types.Context, value: EditOutcome) -> None:
+        touched = session.write_edit(context, self._request, self._take, value, self._said)
         if touched is None:
             self.report({"INFO"}, "The motion already fits: nothing has changed.")
         else:

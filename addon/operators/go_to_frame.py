@@ -7,9 +7,10 @@ import bpy
 from bpy.props import IntProperty
 
 from ..properties import LAST_FRAME
+from .button import Button
 
 
-class ONCUE_OT_go_to_frame(bpy.types.Operator):
+class ONCUE_OT_go_to_frame(Button, bpy.types.Operator):
     """Show the frame that this is about"""
 
     bl_idname = "oncue.go_to_frame"
@@ -18,9 +19,8 @@ class ONCUE_OT_go_to_frame(bpy.types.Operator):
 
     frame: IntProperty(name="Frame", description="The scene's frame to show", min=0, max=LAST_FRAME)
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         context.scene.frame_set(self.frame)
-        return {"FINISHED"}
 
 
 register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_go_to_frame,))

@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import EnumProperty, IntProperty
+from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, IntProperty
 
 from ..bridge import cue_objects, hand_reader, seat_finder
+from ..job_operator import handle
 from .button import Button
 
 
@@ -60,6 +61,24 @@ class ONCUE_OT_sit_on_selection(Button, bpy.types.Operator):
         cue_objects.place_cue(context, "sit", seat.pelvis, seat.yaw, scale)
 
 
+class ONCUE_OT_move_to_edge(Button, bpy.types.Operator):
+    """Move the Sit cue to the nearest edge of its seat from which a person can sit down"""
+
+    bl_idname = "oncue.move_to_edge"
+    bl_label = "Move to the Near Edge"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    place: FloatVectorProperty(
+        name="Place", description="Where the pelvis is to be, world, metres", size=3, options={"SKIP_SAVE"}
+    )
+    yaw: FloatProperty(name="Facing", description="From -Y about +Z", subtype="ANGLE", options={"SKIP_SAVE"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        scale = context.scene.oncue.scene_scale
+        cue_objects.move_end_cue(context, [c / scale for c in self.place], self.yaw, scale)
+        handle.forget()
+
+
 class ONCUE_OT_place_foot(Button, bpy.types.Operator):
     """Place a foot cue before the Sit or Stop cue; move it to where the foot is to stand"""
 
@@ -111,7 +130,10 @@ It goes along with the selected object"""
         return found or (now, now + round(seconds * hand_reader.frame_rate(context.scene)))
 
 
-CLASSES = (ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_place_foot, ONCUE_OT_place_hand)
+CLASSES = (
+    *(ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_move_to_edge),
+    *(ONCUE_OT_place_foot, ONCUE_OT_place_hand),
+)
 
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

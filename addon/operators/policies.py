@@ -7,9 +7,10 @@ import bpy
 from bpy.props import StringProperty
 
 from ..bridge.policies import policy_cache
+from .button import Button
 
 
-class ONCUE_OT_clear_policies(bpy.types.Operator):
+class ONCUE_OT_clear_policies(Button, bpy.types.Operator):
     """Throw kept policies away; a scene that needed one optimizes it anew"""
 
     bl_idname = "oncue.clear_policies"
@@ -18,10 +19,9 @@ class ONCUE_OT_clear_policies(bpy.types.Operator):
 
     file: StringProperty(name="File", description="One policy's file name; empty for all", options={"SKIP_SAVE"})
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
+    def act(self, context: bpy.types.Context) -> None:
         count = policy_cache(context).clear(self.file)
         self.report({"INFO"}, f"{count} kept {'policy' if count == 1 else 'policies'} deleted.")
-        return {"FINISHED"}
 
 
 register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_clear_policies,))

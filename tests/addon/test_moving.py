@@ -5,6 +5,7 @@ import math
 import bpy
 import numpy as np
 import pytest
+from mathutils import Quaternion
 
 from .shapes import add_cube
 
@@ -132,18 +133,43 @@ def test_what_moved_before_the_shot_stands_where_it_came_to(oncue):
     assert np.isclose(corners[:, 1], 0.45, atol=1e-5).any(), "shut"
 
 
-def test_what_changes_its_size_is_named(oncue):
+def test_what_changes_its_size_is_followed(oncue):
     doorway(oncue)
     stool = bpy.data.objects["Stool"]
-    for frame, size in ((1, 0.45), (50, 0.9)):
+    # From nothing to twice its size: 24 frames a second, the core's frame 30 is the scene's 25.
+    for frame, size in ((1, 0.0), (49, 0.9)):
         stool.scale = (size, size, size)
         stool.keyframe_insert("scale", frame=frame)
-    request, notes = request_of(oncue, frame=50)
+    stool.location.z = 0.0
+    for playhead in (30, 49):
+        request, notes = request_of(oncue, frame=playhead)
+        assert notes == []
+        (thing,) = request.moving
+        assert thing.name == "Stool"
+        for frame in (0, 30, 45, 900):
+            bpy.context.scene.frame_set(1 + min(round(frame * 0.8), 200))
+            corners = np.array([stool.matrix_world @ v.co for v in stool.data.vertices])
+            assert np.allclose(np.ptp(thing.at(frame), axis=0), np.ptp(corners, axis=0), atol=0.03), frame
+    # While it is nothing the core knows nothing of it.
+    objects = thing.for_core()
+    assert 0 < len(objects) < len(thing.shapes) + 1
+    report = run(oncue)
+    assert report["extension"]["moving"]["objects"] == ["Stool"]
+
+
+def test_what_comes_and_goes_is_named_with_the_frame(oncue):
+    doorway(oncue)
+    stool = bpy.data.objects["Stool"]
+    for frame, hidden in ((1, False), (20, True)):
+        stool.hide_viewport = hidden
+        stool.keyframe_insert("hide_viewport", frame=frame)
+    stool.location.x = 1.6
+    stool.keyframe_insert("location", frame=30)
+    request, notes = request_of(oncue, frame=5)
     assert request.moving == ()
-    assert [name for name, _ in notes] == ["Stool"]
-    assert "changes its size over time" in notes[0][1]
-    # As it is at the first frame, not where the playhead stands.
-    assert np.isclose(request.positions[:, 0], 1.725, atol=1e-4).any()
+    assert [said for name, said in notes if name == "Stool"] == [
+        "Stool has no size, or comes and goes: it was read as it is at frame 5."
+    ]
 
 
 def test_a_door_that_shuts_is_named_with_its_frames(oncue):
@@ -153,6 +179,13 @@ def test_a_door_that_shuts_is_named_with_its_frames(oncue):
     assert not report["success"]
     assert "‘Door’ moves, and the person runs into it on frames" in report["problems"][0], report["problems"]
     (meeting,) = report["extension"]["moving"]["meetings"]
+    # The figures are of where things stand on each frame: nothing of what was planned about is left in them.
+    assert meeting["frames"] / report["frames"] == pytest.approx(report["extension"]["moving"]["percent"] / 100)
+    assert report["penetration"]["whole_body_percent"] > 2.0
+    deepest = report["extension"]["deepest"]
+    assert (deepest["object"], deepest["depth_cm"]) == ("Door", meeting["depth_cm"])
+    lines = [line for line, _ in oncue("panels").result_lines(report)]
+    assert any("in what moves (Door)" in line for line in lines)
     words = report["problems"][0].split()
     first, last = (int(words[words.index("frames") + k].strip(",")) for k in (1, 3))
     place = joints((first + last) // 2)["Hips"]
@@ -165,6 +198,10 @@ def test_a_door_that_opens_is_walked_through_after_it_has_opened(oncue):
     leaf = door([(1, 0), (80, 0), (100, 90)])
     report = run(oncue)
     assert report["success"], report["problems"]
+    # It is measured in what is there at the frame: the leaf that stands beside the way, and not all that it swept.
+    assert report["penetration"]["whole_body_percent"] == 0.0
+    assert report["body"]["scene"]["touches"] == []
+    assert report["extension"]["deepest"] is None
     begins = report["extension"]["begins"]
     assert begins > bpy.context.scene.oncue.start_frame
     # In the doorway only once the door is open.
@@ -204,3 +241,34 @@ def test_where_no_way_ever_opens_it_is_said_what_moves(oncue):
         leaf.keyframe_insert("location", frame=frame)
     with pytest.raises(RuntimeError, match=r"cannot be reached.*What moves \(‘Door’\) was taken as it stands"):
         bpy.ops.oncue.synthesize()
+
+
+def test_resolve_measures_what_moves_at_its_frames(oncue):
+    """A door that shuts on who has been let through: what is said of the take before and after a hand is moved."""
+    doorway(oncue)
+    leaf = door([(1, 90), (2000, 90)])
+    leaf.keyframe_insert("location", frame=1)
+    report = run(oncue)
+    assert report["success"], report["problems"]
+    # Now it shuts as the person comes through.
+    scene = bpy.context.scene
+    character = scene.oncue.character
+    last = int(character.animation_data.action.frame_range[1])
+    through = next(f for f in range(1, last) if abs(joints(f)["Hips"].x + 0.2) < 0.05)
+    leaf.animation_data_clear()
+    for frame, degrees in ((through - 20, 90), (through, 0)):
+        leaf.rotation_euler = (0, 0, math.radians(-degrees))
+        leaf.keyframe_insert("rotation_euler", frame=frame)
+    scene.frame_set(last)
+    head = character.pose.bones["Head"]
+    head.rotation_quaternion = head.rotation_quaternion @ Quaternion((0.98, 0.2, 0, 0))
+    head.keyframe_insert("rotation_quaternion", frame=last)
+    scene.frame_set(7)
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    assert scene.frame_current == 7
+    report = oncue("bridge.session").current_report(scene)
+    assert "‘Door’ moves, and the person runs into it on frames" in report["problems"][0]
+    assert not report["success"]
+    assert report["extension"]["moving"]["objects"] == ["Door"]
+    assert report["extension"]["deepest"]["object"] == "Door"
+    assert through - 20 < report["extension"]["deepest"]["frame"] < through + 20

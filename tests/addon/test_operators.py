@@ -189,7 +189,8 @@ class Layout:
 def buttons(oncue):
     """What the panel offers beside its message, by identifier."""
     layout = Layout()
-    oncue("panels").ONCUE_PT_synthesize.draw(SimpleNamespace(layout=layout), bpy.context)
+    for panel in (oncue("panels").ONCUE_PT_synthesize, oncue("panels").ONCUE_PT_messages):
+        panel.draw(SimpleNamespace(layout=layout), bpy.context)
     return layout.buttons
 
 

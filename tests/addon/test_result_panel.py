@@ -120,14 +120,24 @@ def test_the_deepest_touch_is_told_with_its_object_and_frame(oncue, context, req
     touch = {"part": "left_shin", "frame": 60, "depth_cm": 4.21, "place": [0.3, 1.2, 0.5]}
     report = {"body": {"scene": {"touches": [touch, {**touch, "place": [1.5, 0, 0.45]}]}}}
     # 60 frames at 30 Hz are 48 of 24.
-    deepest = session.deepest_touch(request_, report, 11)
+    past = oncue("moving").nothing_met()
+    deepest = session.deepest_touch(request_, report, past, 11)
     assert deepest == {"part": "left_shin", "object": "Table", "depth_cm": 4.21, "frame": 59}
     line = panels.deepest_line({"extension": {"deepest": deepest}})
     assert line == ("    Deepest: left shin 4.2 cm in Table", 59)
     assert bpy.ops.oncue.go_to_frame(frame=line[1]) == {"FINISHED"}
     assert context.scene.frame_current == 59
     for empty in ({}, {"body": None}, {"body": {"scene": {"touches": []}}}):
-        assert session.deepest_touch(request_, empty, 1) is None
+        assert session.deepest_touch(request_, empty, past, 1) is None
+    # What moves is a thing like others: the deeper one is told.
+    for depth, expected in ((9.0, "Cart"), (2.0, "Table")):
+        met = {"object": "Cart", "part": "trunk", "first": 3, "end": 9, "frames": 6, "depth_cm": depth, "frame": 5}
+        deepest = session.deepest_touch(request_, report, {**past, "meetings": [met]}, 11)
+        assert deepest["object"] == expected
+    assert session.deepest_touch(request_, {}, {**past, "meetings": [met]}, 11) == {
+        **{"part": "trunk", "object": "Cart", "depth_cm": 2.0},
+        "frame": 15,
+    }
     assert panels.deepest_line({}) is None
     assert panels.deepest_line({"extension": {"deepest": None}}) is None
 

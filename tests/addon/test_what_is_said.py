@@ -112,13 +112,167 @@ def test_that_a_run_was_stopped_goes_too(context, handle, oncue):
 
 def test_the_kind_of_a_refusal_offers_its_button(stool, handle, oncue):
     bpy.ops.oncue.synthesize()
-    assert handle.kind is None
+    assert handle.error is None
     stool.scene.oncue.character.scale = (0.5, 0.5, 0.5)
     with pytest.raises(RuntimeError, match="Reset Character"):
         bpy.ops.oncue.synthesize()
-    assert handle.kind is oncue("errors").CharacterError
+    assert isinstance(handle.error, oncue("errors").CharacterError)
+    assert handle.error.__traceback__ is None
     bpy.ops.oncue.reset_character()
     assert handle.message == ""
+
+
+STATES = {
+    "a constraint": (
+        lambda c: c.pose.bones["LeftHand"].constraints.new("LIMIT_ROTATION"),
+        lambda c: setattr(c.pose.bones["LeftHand"].constraints[0], "mute", True),
+    ),
+    "a moved bone": (
+        lambda c: setattr(c.pose.bones["Spine"], "location", (0, 0.1, 0)),
+        lambda c: setattr(c.pose.bones["Spine"], "location", (0, 0, 0)),
+    ),
+    "its rest position": (
+        lambda c: setattr(c.data, "pose_position", "REST"),
+        lambda c: setattr(c.data, "pose_position", "POSE"),
+    ),
+}
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_a_refused_state_is_forgotten_once_it_is_mended(stool, handle, state):
+    """Also where nothing stands elsewhere by that."""
+    bpy.ops.oncue.synthesize()
+    character = stool.scene.oncue.character
+    spoil, mend = STATES[state]
+    spoil(character)
+    stool.view_layer.update()
+    with pytest.raises(RuntimeError, match="Reset Character"):
+        bpy.ops.oncue.synthesize()
+    bpy.data.objects["Start"].select_set(True)
+    character.data.display_type = "OCTAHEDRAL"
+    stool.view_layer.update()
+    assert "Reset Character" in handle.message
+    mend(character)
+    character.update_tag()
+    character.data.update_tag()
+    stool.view_layer.update()
+    assert handle.message == ""
+
+
+def test_the_rate_that_was_refused_is_one_that_can_be_mended(stool, handle):
+    stool.scene.render.fps = 1
+    with pytest.raises(RuntimeError, match="1 frames a second"):
+        bpy.ops.oncue.synthesize()
+    stool.scene.render.fps = 24
+    handle.forget_outdated()
+    assert handle.message == ""
+
+
+def test_a_cue_in_the_middle_of_a_bed_is_moved_to_its_edge_on_request(context, handle, oncue, draw):
+    set_quick(context.scene)
+    add_cube("Floor", (0, 0, -0.05), (7, 6, 0.1))
+    add_cube("Bed", (1.5, 0, 0.25), (2.0, 2.2, 0.5))
+    cues = oncue("bridge.cue_objects")
+    cues.make_cue(context, "start", (-2, 0, 0), math.radians(90))
+    sit = cues.make_cue(context, "sit", (1.5, 0, 0.6), math.radians(-90))
+    foot = cues.make_cue(context, "left_foot", (1.1, 0.1, 0), 0.0, parent=sit)
+    away = foot.matrix_world.translation - sit.matrix_world.translation
+    assert "oncue.move_to_edge" not in draw("messages").operators
+    with pytest.raises(RuntimeError, match="The nearest edge to sit on is"):
+        bpy.ops.oncue.synthesize()
+    assert "oncue.move_to_edge" in draw("messages").operators
+    assert bpy.ops.oncue.move_to_edge(place=handle.error.place, yaw=handle.error.yaw) == {"FINISHED"}
+    assert handle.message == ""
+    context.view_layer.update()
+    assert sit.matrix_world.translation.x == pytest.approx(0.72, abs=0.05)
+    # Its feet go along.
+    now = foot.matrix_world.translation - sit.matrix_world.translation
+    assert list(now) == pytest.approx(list(away), abs=1e-4)
+    bpy.data.objects.remove(foot)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    # A cue that keys hold would not stay there.
+    for frame, x in ((1, 1.5), (9, 1.6)):
+        sit.location.x = x
+        sit.keyframe_insert("location", frame=frame)
+    with pytest.raises(RuntimeError, match=r"Sit is animated.*move its keys instead"):
+        bpy.ops.oncue.move_to_edge(place=(0, 0, 0), yaw=0.0)
+    bpy.data.objects.remove(sit)
+    with pytest.raises(RuntimeError, match="no Sit or Stop cue any more"):
+        bpy.ops.oncue.move_to_edge(place=(0, 0, 0), yaw=0.0)
+
+
+def test_what_is_said_stands_below_every_button(oncue, stool, handle, draw):
+    """It comes and goes; nothing is pushed from under the mouse by that."""
+    panels = oncue("panels")
+    order = {cls.bl_order: cls for cls in panels.CLASSES if hasattr(cls, "bl_order")}
+    assert order[max(order)] is panels.ONCUE_PT_messages
+    shown = {cls: draw(cls.__name__.removeprefix("ONCUE_PT_")) for _, cls in sorted(order.items())}
+    bpy.data.objects["Start"].hide_set(True)
+    with pytest.raises(RuntimeError, match="There is no Start cue"):
+        bpy.ops.oncue.synthesize()
+    bpy.data.objects["Start"].hide_set(False)
+    for _, cls in sorted(order.items())[:-1]:
+        now = draw(cls.__name__.removeprefix("ONCUE_PT_"))
+        assert now.layout.mock_calls == shown[cls].layout.mock_calls, cls
+    assert any("There is no Start cue" in label for label in draw("messages").labels)
+
+
+def test_the_buttons_rows_are_as_high_while_it_works(oncue, stool, handle, draw, monkeypatch):
+    """One of 1.6 rows and one below it, at work as at rest."""
+
+    def rows():
+        drawn = draw("synthesize").layout
+        return len(drawn.operator.mock_calls) + len(drawn.progress.mock_calls), len(drawn.label.mock_calls)
+
+    at_rest = rows()
+    progress = oncue("pipeline").Progress("Optimizing", 0.5, 3, 1.0, 0.2, 12.0, 7.0)
+    monkeypatch.setattr(handle, "run", types.SimpleNamespace(progress=lambda: progress, cancelled=False))
+    assert rows() == at_rest == (2, 0)
+    assert draw("messages").labels == ["12 s, about 7 s left", "Update 3, success 20 %, reward 1.00"]
+
+
+# --- a run whose scene is not shown any more --------------------------------------------------------------------------
+
+
+def test_a_result_waits_for_its_scene(oncue, context, handle, monkeypatch):
+    """Whoever looks at another scene when it is done, or has renamed its own, loses nothing."""
+    job_operator, pipeline = oncue("job_operator"), oncue("pipeline")
+    own, other = context.scene, bpy.data.scenes.new("Other")
+    written, said = [], []
+
+    class Operator(job_operator.JobOperator):
+        def finish(self, context, value):
+            written.append((context.scene.name, value))
+
+        def report(self, _kind, text):
+            said.append(text)
+
+    def begin():
+        def steps():
+            return 7
+            yield
+
+        operator = Operator()
+        operator._run, operator._scene = pipeline.Run(steps()), context.scene.session_uid
+        monkeypatch.setattr(handle, "run", operator._run)
+        return lambda: operator.modal(context, types.SimpleNamespace(type="TIMER", value="NOTHING"))
+
+    tick = begin()
+    context.window.scene = other
+    assert tick() == tick() == {"PASS_THROUGH"}
+    assert handle.awaited == own.name
+    own.name = "Renamed"
+    context.window.scene = own
+    assert tick() == {"FINISHED"}
+    assert written == [("Renamed", 7)]
+    assert (handle.awaited, handle.run) == ("", None)
+    # A scene that is gone is said.
+    tick = begin()
+    context.window.scene = other
+    bpy.data.scenes.remove(own)
+    assert tick() == {"CANCELLED"}
+    assert "The scene was deleted meanwhile" in said[-1]
+    assert len(written) == 1
 
 
 def test_escape_ends_the_playback_first(oncue, context, handle, monkeypatch):
@@ -162,6 +316,50 @@ def test_a_result_says_when_its_cues_have_gone(stool, oncue):
     assert belongs()
     start.hide_set(True)
     assert not belongs()
+
+
+def test_a_result_says_when_its_hands_have_gone(stool, oncue):
+    bpy.ops.oncue.synthesize()
+    session = oncue("bridge.session")
+    report = session.current_report(stool.scene)
+
+    def belongs():
+        stool.view_layer.update()
+        return session.belongs_to_cues(stool, report)
+
+    assert belongs()
+    hand = oncue("bridge.cue_objects").place_hand(stool, "right_hand", 20, 40, 1.0)
+    assert not belongs()
+    report["task"]["manipulations"] = oncue("bridge.hand_reader").read_manipulations(stool, 1)
+    assert belongs()
+    hand["oncue_last_frame"] = 44
+    assert not belongs()
+    hand["oncue_last_frame"] = 40
+    hand.location.z += 0.1
+    assert not belongs()
+    hand.location.z -= 0.1
+    assert belongs()
+
+
+@pytest.mark.parametrize(
+    ("sit", "hands", "title"),
+    [
+        ("Sit", [], "Sit on Stool seed 1"),
+        ("Sit.003", [], "Sit on Stool seed 1"),
+        ("By the Window", [], "Sit at By the Window seed 1"),
+        ("Sit", ["Right Hand"], "Sit on Stool with Right Hand seed 1"),
+    ],
+)
+def test_a_take_is_called_by_what_happens(stool, oncue, sit, hands, title):
+    session = oncue("bridge.session")
+    bpy.data.objects["Sit"].name = sit
+    request, _ = session.read_request(stool)
+    request.task["manipulations"] = [{"name": name} for name in hands]
+    assert f"{session.title_of(request)} seed 1" == title
+    assert session.object_under(request, [0.0, 0.0, 0.54]) == "Stool"
+    assert session.object_under(request, [1.5, 1.5, 0.1]) == "Floor"
+    # Nothing lies beyond the floor, and nothing so far below.
+    assert session.object_under(request, [9.0, 0.0, 0.5]) == session.object_under(request, [0.0, 0.0, 1.5]) == ""
 
 
 def test_the_panel_tells_the_clipping_of_the_report(oncue):
@@ -545,11 +743,11 @@ def test_a_report_that_somebody_changed_does_not_break_the_panel(stool, oncue, d
 
 def test_the_button_under_a_refusal(stool, draw, handle):
     bpy.ops.oncue.synthesize()
-    assert "oncue.reset_character" not in draw("synthesize").operators
+    assert "oncue.reset_character" not in draw("messages").operators
     stool.scene.oncue.character.scale = (0.5, 0.5, 0.5)
     with pytest.raises(RuntimeError):
         bpy.ops.oncue.synthesize()
-    assert "oncue.reset_character" in draw("synthesize").operators
+    assert "oncue.reset_character" in draw("messages").operators
 
 
 def test_pins_stand_below_the_button_and_fold_away(oncue, made, draw):  # noqa: F811
@@ -590,6 +788,7 @@ def test_every_operator_is_in_a_menu(oncue):
         shown |= set(layout.shown)
     #: What only its own row or a message offers.
     elsewhere = {"cancel", "remove_pin", "remove_library", "set_scene_scale", "clear_policies", "go_to_frame"}
+    elsewhere |= {"move_to_edge"}
     assert shown == {f"oncue.{name}" for name in dir(bpy.ops.oncue)} - {f"oncue.{name}" for name in elsewhere}
     for place, draw in menus.PLACES:
         assert draw in getattr(bpy.types, place).draw._draw_funcs

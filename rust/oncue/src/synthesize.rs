@@ -112,20 +112,13 @@ pub fn synthesize_along(
     laps.done("edit");
 
     progress.stage("Measuring");
-    let floor = task.start.position.z;
-    let seat = action_from.zip(task.cue.seat_height());
-    let cues: Vec<_> = residual(&task.cue, &motion, complete).into_iter().collect();
-    let foot = foot_figures(&motion, floor);
-    let ignore = settings.reward.ignore_below;
-    let penetration = penetration_figures(&motion, scene, floor, ignore, seat);
-    let surroundings = Surroundings { scene, ignore_below: ignore, seat };
-    let mut body = body_figures(&motion, floor, Some(&surroundings));
-    body.pose_distance = Some(pose_distance_figures(&motion, database.known_poses(), Some(scene)));
-    let sits_from = seat.filter(|_| kept.end == EpisodeEnd::Complete).map(|(from, _)| from);
-    let style = StyleValues::of(&motion, floor, &segments(motion.len(), sits_from, complete)).medians();
     let around = Around { scene: Some(stays.unwrap_or(scene)), moving: &[], wait: 0 };
     let measured = measure(&motion, &around, task, complete, action_from, settings);
-    let Measured { cues, foot, penetration, body, .. } = measured;
+    let Measured { cues, foot, penetration, mut body, .. } = measured;
+    body.pose_distance = Some(pose_distance_figures(&motion, database.known_poses(), around.scene));
+    let sits = kept.end == EpisodeEnd::Complete && task.cue.seat_height().is_some();
+    let spans = segments(motion.len(), action_from.filter(|_| sits), complete);
+    let style = StyleValues::of(&motion, task.start.position.z, &spans).medians();
     laps.done("measure");
 
     let mut problems = problems(kept.end, &cues, scene, task);
