@@ -367,7 +367,7 @@ def test_what_cannot_be_reset_offers_no_reset(character, oncue, state):
         other.objects.link(character)
         bpy.context.view_layer.layer_collection.children["Elsewhere"].exclude = True
     refused("Oncue Character (is in edit mode|lies in no collection)")
-    assert oncue("job_operator").handle.kind is None
+    assert oncue("job_operator").handle.error is None
 
 
 def test_settings_that_change_nothing_are_no_hindrance(character, oncue, core):
