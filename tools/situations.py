@@ -37,7 +37,7 @@ FINE = "can be done"
 
 
 class Situation(NamedTuple):
-    """One row: what it is, how it is made, and what must come of it, as a pattern."""
+    """One row: what it is, how it is made, and the one thing that must come of it: a pattern, or `FINE` and no more."""
 
     what: str
     make: Callable[[], object]
@@ -161,6 +161,23 @@ def bed(x: float) -> None:
     cue("sit").rotation_euler.z = math.radians(-90)
 
 
+def sill(back: float) -> None:
+    """A sill of 2 × 1.6 m at seat height before a window, with a cue so far behind the middle of it."""
+    bpy.data.objects.remove(thing("Stool"))
+    box("Sill", (1.6, 2.0, 0.5), (2.2, 0, 0.25))
+    box("Window", (0.1, 6.0, 2.4), (3.05, 0, 1.2))
+    moved("sit", (1.8 + back, 0, 0.6))
+    cue("sit").rotation_euler.z = math.radians(-90)
+
+
+def grows() -> None:
+    keyed("Table", "scale", (1, (1, 1, 1)), (50, (1, 1, 1.5)))
+
+
+def cloth() -> None:
+    box("Sheet", (0.5, 0.5, 0.02), (1.5, 2, 1.8)).modifiers.new("Cloth", "CLOTH")
+
+
 def no_meshes() -> None:
     for found in [found for found in bpy.data.objects if found.type == "MESH"]:
         bpy.data.objects.remove(found)
@@ -241,21 +258,21 @@ SCENES = [
     Situation("a rug under the start", lambda: box("Rug", (2, 2, 0.02), (-2, 0, 0.01))),
     Situation("a podium of one step beside the way", lambda: box("Podium", (7, 1.2, 0.16), (0, -2.3, 0.08))),
     Situation("the start a storey below the cue", lambda: storeys(-3.0), "on another level than start"),
-    Situation(
-        "the start on the table", lambda: moved("start", (0, 1.2, 0.75)), "on something 0.75 m over the floor|level"
-    ),
+    Situation("the start on the table", lambda: moved("start", (0, 1.2, 0.75)), "stands on another level than start"),
     Situation("the start 0.6 m in the air", lambda: up("start", 0.6), "0.60 m over the nearest surface"),
     Situation("the start outside the scene", lambda: moved("start", (-9, 0, 0)), "lies outside the scene"),
     Situation("the start in the table", lambda: moved("start", (0, 1.2, 0)), "inside furniture or a wall"),
     Situation("no start", lambda: bpy.data.objects.remove(cue("start")), "There is no Start"),
     Situation("no end cue", lambda: bpy.data.objects.remove(cue("sit")), "There is no"),
-    Situation("two starts", lambda: another("start"), "2|two"),
-    Situation("a sit cue and a stop cue", lambda: another("stop"), "2|two"),
+    Situation("two starts", lambda: another("start"), "There are 2 Start cues"),
+    Situation("a sit cue and a stop cue", lambda: another("stop"), "There are 2 Sit and Stop cues"),
     Situation("a sit cue 1 m over the stool", lambda: up("sit", 1.0), "floats"),
     Situation("a sit cue under the floor", lambda: up("sit", -1.2), "below the floor"),
     Situation("a sit cue in the stool", lambda: up("sit", -0.25), "inside furniture"),
     Situation("a cue on the near edge of a bed", lambda: bed(0.72)),
     Situation("a cue in the middle of a bed", lambda: bed(1.5), "The nearest edge to sit on is"),
+    Situation("a cue on the edge of a wide window-sill", lambda: sill(-0.12)),
+    Situation("a cue at the back of a wide window-sill", lambda: sill(0.6), "The nearest edge to sit on is"),
     Situation("a wall from side to side", barrier, "cannot be reached"),
     Situation("the same wall shown as wire", shown_as_wire),
     Situation("the same wall hidden by its collection's eye", lambda: hidden("eye")),
@@ -266,9 +283,13 @@ SCENES = [
     Situation("a fence by an array modifier", array_modifier, "cannot be reached"),
     Situation("a gap of 0.9 m in a wall", lambda: walls(0.9)),
     Situation("a gap of 0.15 m in a wall", lambda: walls(0.15), "cannot be reached"),
-    Situation("a door that is open and shuts later", lambda: door((1, 90), (30, 0))),
+    Situation("a door that is open and shuts later", lambda: door((1, 90), (30, 0)), "^can be done; moves: Door$"),
+    Situation("a table that grows", grows, "^can be done; moves: Table$"),
+    Situation("a cloth that is not baked", cloth, "^can be done; .*Sheet is simulated and not baked"),
     Situation("a mirrored table", mirrored),
-    Situation("a table with a vertex that is no number", broken_mesh),
+    Situation(
+        "a table with a vertex that is no number", broken_mesh, "^can be done; Table has vertices that are not numbers"
+    ),
     Situation("a scene with no mesh", no_meshes, "no visible mesh"),
     Situation("a scene in centimetres", lambda: scaled(100), "modelled in centimetres"),
     Situation("a scene in millimetres", lambda: scaled(1000), "modelled in millimetres"),
@@ -300,7 +321,7 @@ def scene_outcome(situation: Situation) -> tuple[str, bool]:
             bpy.ops.object.mode_set(mode="OBJECT")
     told = [f"moves: {', '.join(moving.name for moving in request.moving)}"] if request.moving else []
     said = "; ".join([FINE, *told, *(sentence for _, sentence in notes)])
-    return said, situation.outcome == FINE
+    return said, said == FINE if situation.outcome == FINE else bool(re.search(situation.outcome, said))
 
 
 def session_settings(request) -> dict:
@@ -384,7 +405,7 @@ def in_metres() -> str:
     return re.sub(r"OFFSET (\S+) (\S+) (\S+)", smaller, head) + motion + tail
 
 
-USED, LEFT_OUT, EITHER = "is used", "is left out", "is used|is left out"
+USED, LEFT_OUT = "is used", "is left out"
 
 CAPTURES = [
     Situation("a walk of nine seconds", walk, r"is used \(walk"),
@@ -399,17 +420,17 @@ CAPTURES = [
     Situation("a frame time of 0", lambda: timed("0"), LEFT_OUT),
     Situation("a frame time of 1 s", lambda: timed("1"), "30 was taken"),
     Situation("a frame time that is no number", lambda: timed("fast"), LEFT_OUT),
-    Situation("walking in place", in_place, "planted feet|on the spot|in place"),
+    Situation("walking in place", in_place, "walks on the spot.*given back from its planted feet"),
     Situation("a floor 1.2 m higher than the feet", lambda: sunk(120.0), r"is used \(walk"),
-    Situation("a jump of 3 m in the middle", with_a_jump, EITHER),
-    Situation("one posture all the time", frozen, EITHER),
+    Situation("a jump of 3 m in the middle", with_a_jump, r"is used \(walk .*are not walking, standing or sitting"),
+    Situation("one posture all the time", frozen, r"is used \(idle [\d.]+ s\)$"),
     Situation("ten frames", lambda: rows(lambda row, _: row, 10), LEFT_OUT),
     Situation("a hierarchy without motion", without_motion, LEFT_OUT),
-    Situation("a file that is cut off", cut_off, EITHER),
+    Situation("a file that is cut off", cut_off, r"is used \(walk"),
     Situation("an empty file", lambda: "", LEFT_OUT),
     Situation("a picture with another name", lambda: "\x89PNG\r\n\x1a\n" + "\0" * 64, LEFT_OUT),
     Situation("line ends of another system", lambda: walk().replace("\n", "\r\n"), r"is used \(walk"),
-    Situation("decimal commas", lambda: walk().replace(".", ","), EITHER),
+    Situation("decimal commas", lambda: walk().replace(".", ","), r"is used \(walk"),
     Situation("places in metres", in_metres, r"is used \(walk"),
 ]
 
