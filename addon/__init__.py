@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from types import ModuleType
 
-from . import job_operator, overlay, panels, preferences, properties
+from . import job_operator, manual, overlay, panels, preferences, properties, translations
 from .operators import (
     edit,
     follow,
@@ -23,7 +23,7 @@ from .operators import (
 MODULES = (
     *(properties, preferences, job_operator),
     *(synthesize, follow, library, manifold, place_cues, scene_setup, edit, policies, go_to_frame),
-    *(menus, panels, overlay),
+    *(menus, panels, overlay, manual, translations),
 )
 
 _registered: list[ModuleType] = []

@@ -13,10 +13,12 @@ MAY_USE_BLENDER = {
     "batch.py",
     "command_line.py",
     "job_operator.py",
+    "manual.py",
     "overlay.py",
     "panels.py",
     "preferences.py",
     "properties.py",
+    "translations.py",
 }
 FOLDERS_THAT_MAY = {"bridge", "operators"}
 
