@@ -422,13 +422,15 @@ def title_of(request: Request) -> str:
 def object_under(request: Request | EditRequest, place: list[float]) -> str:
     """The object whose surface lies under a place, no farther than a seat under the pelvis; else an empty name."""
     x, y, z = place
-    corners = request.positions[request.triangles].astype(np.float64)
-    if not len(corners) or not len(request.owners):
+    if not len(request.triangles) or not len(request.owners):
         return ""
+    # One direction first: most triangles of a large scene are gone by that.
+    across = request.positions[:, 0][request.triangles]
+    near = np.flatnonzero((across.min(axis=1) <= x) & (x <= across.max(axis=1)))
+    corners = request.positions[request.triangles[near]].astype(np.float64)
     low, high = corners.min(axis=1), corners.max(axis=1)
-    near = (low[:, :2] <= (x, y)).all(axis=1) & ((x, y) <= high[:, :2]).all(axis=1)
-    near = np.flatnonzero(near & (low[:, 2] <= z) & (high[:, 2] >= z - UNDER_PELVIS))
-    a, b, c = (corners[near, k] for k in range(3))
+    kept = (low[:, 1] <= y) & (y <= high[:, 1]) & (low[:, 2] <= z) & (high[:, 2] >= z - UNDER_PELVIS)
+    near, (a, b, c) = near[kept], (corners[kept, k] for k in range(3))
     normals = np.cross(b - a, c - a)
     level = np.abs(normals[:, 2]) > 1e-12
     near, a, b, c, normals = (part[level] for part in (near, a, b, c, normals))
