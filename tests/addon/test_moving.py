@@ -150,11 +150,16 @@ def test_what_changes_its_size_is_followed(oncue):
             bpy.context.scene.frame_set(1 + min(round(frame * 0.8), 200))
             corners = np.array([stool.matrix_world @ v.co for v in stool.data.vertices])
             assert np.allclose(np.ptp(thing.at(frame), axis=0), np.ptp(corners, axis=0), atol=0.03), frame
-    # While it is nothing the core knows nothing of it.
+    # While it is nothing the core knows nothing of it, and takes the rest: somebody stands in it.
     objects = thing.for_core()
-    assert 0 < len(objects) < len(thing.shapes) + 1
-    report = run(oncue)
-    assert report["extension"]["moving"]["objects"] == ["Stool"]
+    assert 0 < len(objects) < len(thing.shapes)
+    place = np.array([[1.5, 0.0, 0.95]] * 60, dtype=np.float32)
+    turns = np.tile(np.array([1, 0, 0, 0], dtype=np.float32), (60, 22, 1))
+    job = oncue("native").core.pass_moving(place, turns, np.ones((60, 2), np.float32), objects, 0.0)
+    passing = oncue("moving").by_object(job.result())
+    (meeting,) = passing["meetings"]
+    assert meeting["object"] == "Stool"
+    assert 0 < meeting["first"] < meeting["frame"], "it has to grow first"
 
 
 def test_what_comes_and_goes_is_named_with_the_frame(oncue):
