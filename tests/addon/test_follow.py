@@ -369,7 +369,7 @@ def test_the_motion_follows_a_dragged_cue(seated_drag, oncue):
         drag.move("Start", x=step)
         assert max(drag.misses()) < 0.12
     print(f"from the cue's move to the written keys: {', '.join(f'{1000 * t:.0f}' for t in drag.times)} ms")
-    assert [a.name for a in bpy.data.actions] == ["Sit live", drag.take.name]
+    assert [a.name for a in bpy.data.actions] == ["Sit on Sofa live", drag.take.name]
     assert keys_of(oncue, drag.take) == drag.taken
     assert drag.take.use_fake_user
 
