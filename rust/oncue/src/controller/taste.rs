@@ -321,14 +321,9 @@ mod tests {
         // No more shares than endings that differ.
         let alike = BTreeMap::from([(1, at(1.0, 1.0)), (4, at(1.0, 1.0))]);
         assert_eq!(shared_out(&alike, 3).into_values().collect::<Vec<_>>(), [0, 0]);
-        // Means move: 4 is farther from 0 than 2.1 is, which is then nearer to the two that lie about it.
-        let line = BTreeMap::from([
-            (0, at(0.0, 0.0)),
-            (1, at(4.0, 0.0)),
-            (2, at(1.9, 0.0)),
-            (3, at(2.9, 0.0)),
-            (4, at(2.7, 0.0)),
-        ]);
+        // Means move: 1.9 is nearer to 0 than to 4 at first, then nearer to what lies about 2.1.
+        let line = [0.0, 4.0, 1.9, 2.1, 2.1].into_iter().enumerate();
+        let line: BTreeMap<u32, Vec<f32>> = line.map(|(clip, x)| (clip as u32, at(x, 0.0))).collect();
         assert_eq!(shared_out(&line, 2).into_values().collect::<Vec<_>>(), [0, 1, 1, 1, 1]);
         assert!(shared_out(&BTreeMap::new(), 3).is_empty());
     }
