@@ -13,9 +13,9 @@ use crate::controller::{
 use crate::cue::Task;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
+use crate::figures::{BodyFigures, Surroundings, body_figures};
 use crate::figures::{StyleValues, Surroundings, body_figures, pose_distance_figures};
 use crate::library::Segment;
-use crate::figures::{BodyFigures, Surroundings, body_figures};
 use crate::library::database::MotionDatabase;
 use crate::manifold::Manifold;
 use crate::metrics::{
@@ -169,6 +169,8 @@ fn segments(frames: usize, sits_from: Option<usize>, complete: usize) -> Vec<Seg
         Segment { label: ActionLabel::Sit, first: from, end: complete, complete },
         Segment { label: ActionLabel::SeatedIdle, first: complete, end: frames, complete: last },
     ]
+}
+
 /// What can be seen of a motion, whoever made it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
