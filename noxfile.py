@@ -178,6 +178,9 @@ def build_extension(session: nox.Session, wheel: Path) -> Path:
     ignored = shutil.ignore_patterns("__pycache__", "*.pyc")
     shutil.copytree(ROOT / "addon", staging, ignore=ignored)
     shutil.copy2(NOTICES, staging)
+    # Sentences about captures name it.
+    (staging / "docs").mkdir()
+    shutil.copy2(ROOT / "docs" / "captures.md", staging / "docs")
     (staging / "wheels").mkdir()
     shutil.copy2(wheel, staging / "wheels")
     manifest = staging / "blender_manifest.toml"
@@ -370,13 +373,17 @@ def situations(session: nox.Session) -> None:
 def fuzz(session: nox.Session) -> None:
     """Reads files that were changed at random, a million over all kinds, and counts; `-- 100000 7` for fewer by a seed.
 
-    The table goes to out/fuzz.md; that of a long run is published in docs/fuzz.md.
+    The page goes to out/fuzz.md, and with `-- --docs` to docs/fuzz.md too. Fails where anything panicked, hung or was
+    read as nonsense.
     """
+    given = [argument for argument in session.posargs if argument != "--docs"]
     command = ["cargo", "run", "--release", "--locked", "--package", "oncue", "--example", "fuzz", "--"]
-    table = session.run(*command, *session.posargs, external=True, silent=True, stderr=None)
+    page = session.run(*command, *given, external=True, silent=True, stderr=None)
     OUT.mkdir(exist_ok=True)
-    (OUT / "fuzz.md").write_text(str(table), encoding="utf-8")
-    print(table)
+    folders = [OUT, ROOT / "docs"] if "--docs" in session.posargs else [OUT]
+    for folder in folders:
+        (folder / "fuzz.md").write_text(str(page), encoding="utf-8")
+    print(page)
 
 
 @nox.session

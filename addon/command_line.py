@@ -6,7 +6,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 import sys
 import traceback
 from pathlib import Path
@@ -17,7 +16,7 @@ from . import log, native
 from .bridge import compat, session
 from .bridge.policies import policy_cache
 from .errors import SceneError
-from .files import check_writable
+from .files import check_writable, write_whole
 from .pipeline import LibraryCache, Progress, run_blocking, synthesis_steps
 from .properties import LARGEST_INTEGER, LAST_FRAME, SCENE_SCALES
 
@@ -46,7 +45,7 @@ def parser() -> argparse.ArgumentParser:
         "--library",
         nargs="+",
         metavar="FILE_OR_FOLDER",
-        help=".bvh files, folders, library files (default: the scene's)",
+        help=".bvh, .fbx, .glb and .gltf files, folders of them, library files (default: the scene's)",
     )
     made.add_argument("--starter", choices=["all", "missing", "none"], help="what the starter library adds")
     made.add_argument(
@@ -185,13 +184,7 @@ def save(path: Path) -> None:
 
 def write_json(path: Path, report: dict) -> None:
     """Writes it whole or not at all. Raises SceneError."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        part.write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise SceneError(f"{path} cannot be written: {error.strerror}.") from error
+    write_whole(path, json.dumps(report, indent=2, ensure_ascii=False) + "\n")
 
 
 class ProgressPrinter:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from pathlib import Path
 
@@ -20,4 +21,15 @@ def check_writable(path: Path) -> None:
             with path.open("ab"):
                 pass
     except OSError as error:
+        raise SceneError(f"{path} cannot be written: {error.strerror}.") from error
+
+
+def write_whole(path: Path, text: str) -> None:
+    """Writes a file whole or not at all. Raises SceneError."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
         raise SceneError(f"{path} cannot be written: {error.strerror}.") from error

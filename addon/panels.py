@@ -15,6 +15,7 @@ from .bridge.cue_reader import ENDS, HANDS, visible_cues
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
 from .errors import CharacterError, EdgeError, ScaleError, SceneError
+from .foreign_captures import SUFFIXES as FOREIGN
 from .job_operator import handle
 from .operators.follow import following
 from .operators.synthesize import library_cache
@@ -82,6 +83,7 @@ class ONCUE_PT_library(OncuePanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("oncue.add_library", text="Add Files", icon="FILE")
         row.operator("oncue.add_library", text="Add Folder", icon="FILE_FOLDER").folder = True
+        layout.operator("oncue.add_action", icon="ACTION")
         if settings.library_paths:
             layout.prop(settings, "mapping")
             row = layout.row(align=True)
@@ -120,12 +122,13 @@ def _draw_captures(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
 def capture_line(capture: dict) -> str:
     """A capture's file and the seconds of each action that it shows."""
     gave = [f"{label} {seconds:.0f} s" for label, seconds in capture["seconds"].items() if seconds >= 0.5]
-    return f"{Path(capture['file']).name}: {', '.join(gave) if capture['clip'] and gave else 'nothing'}"
+    named = Path(capture["file"]).name + (f" ‘{capture['action']}’" if capture["action"] else "")
+    return f"{named}: {', '.join(gave) if capture['clip'] and gave else 'nothing'}"
 
 
 class ONCUE_UL_library(bpy.types.UIList):
     def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property) -> None:
-        icon = "FILE" if item.path.lower().endswith((".bvh", ".oncue")) else "FILE_FOLDER"
+        icon = "FILE" if item.path.lower().endswith((".bvh", ".oncue", *FOREIGN)) else "FILE_FOLDER"
         layout.prop(item, "path", text="", emboss=False, icon=icon)
 
 
@@ -184,13 +187,14 @@ class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
         layout, report = self.layout, session.current_report(context.scene)
         column = layout.column(align=True)
         try:
-            if not session.belongs_to_cues(context, report):
-                said = "The cues have changed since: this motion belongs to where they were."
-                write_lines(context, column, said, "INFO")
-            lines, problems, deepest = result_lines(report), session.problems_of(report), deepest_line(report)
-        except (KeyError, TypeError, ValueError, AttributeError):
-            lines, deepest = [], None
+            same_cues, lines = session.belongs_to_cues(context, report), result_lines(report)
+            problems, deepest = [str(problem) for problem in session.problems_of(report)], deepest_line(report)
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError):
+            same_cues, lines, deepest = True, [], None
             problems = ["The report that is kept with this take was changed and cannot be read."]
+        if not same_cues:
+            said = "The cues have changed since: this motion belongs to where they were."
+            write_lines(context, column, said, "INFO")
         for line, icon in lines:
             column.label(text=line, icon=icon)
         if deepest:

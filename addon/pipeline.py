@@ -11,12 +11,13 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Generic, TypeAlias, TypeVar
+from typing import Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .errors import EdgeError, SceneError
+from .foreign_captures import Converted, SecondBlender, convert_steps, foreign_files, is_foreign
 from .log import logger
 from .motion import Motion
 from .moving import Mesh, Thing, by_object, joined, nothing_met, stands
@@ -34,8 +35,18 @@ MANIFOLD_SEED = 0
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 
-#: Yields the jobs of the core that it waits for, and gives a `T` at its end.
-Steps: TypeAlias = Generator["core.Job[object]", None, T]
+
+class Work(Protocol):
+    """Something at work that is waited for: a job of the core, or a second Blender."""
+
+    def done(self) -> bool: ...
+    def wait(self, timeout_s: float) -> bool: ...
+    def cancel(self) -> None: ...
+    def progress(self) -> core.ProgressSnapshot: ...
+
+
+#: Yields the work that it waits for, and gives a `T` at its end.
+Steps: TypeAlias = Generator[Work, None, T]
 #: What each motion capture file gave, and why the rest of it was left out.
 Captures: TypeAlias = "list[core.Capture]"
 
@@ -49,6 +60,12 @@ class LibraryChoice:
     starter: str = "missing"
     #: A mapping file for all the captures (docs/captures.md); empty for those that lie beside them.
     mapping: str = ""
+    #: What reads the captures that are no .bvh files.
+    blender: SecondBlender | None = field(default=None, compare=False)
+
+    def told(self) -> dict[str, object]:
+        """What a report says of it."""
+        return {"paths": list(self.paths), "starter": self.starter, "mapping": self.mapping}
 
 
 @dataclass(frozen=True)
@@ -388,9 +405,15 @@ def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps[BuiltLibr
         if mocap or not finished or choice.starter == "all":
             if not choice.paths and choice.starter == "none":
                 raise SceneError("The motion library is empty: add mocap files, or let the starter library in.")
+            foreign = foreign_files(mocap)
+            converted = yield from convert_steps(foreign, choice.blender)
+            readable = _readable(mocap, foreign, converted)
             starter = choice.starter if mocap else "all"
-            asked = {"starter": starter, **({"mapping": choice.mapping} if choice.mapping else {})}
-            library, captures = yield from finish(core.build_library(mocap, asked))
+            asked: core.Settings = {"starter": starter, "sources": converted.sources}
+            if choice.mapping:
+                asked["mapping"] = choice.mapping
+            library, captures = yield from finish(core.build_library(readable, asked))
+            captures = [*captures, *converted.left_out]
         for path in finished:
             read = core.Library.read(path)
             library = read if library is None else library.merged(read)
@@ -398,6 +421,23 @@ def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps[BuiltLibr
         built = (library, captures)
         cache.put(key, built)
     return built
+
+
+def _readable(mocap: list[str], foreign: list[Path], converted: Converted) -> list[str]:
+    """What the core reads of files and folders, and of what was made of others. Raises SceneError for nothing."""
+    only_foreign = {path for path in mocap if is_foreign(Path(path)) or (foreign and not _holds_bvh(Path(path)))}
+    readable = [*(path for path in mocap if path not in only_foreign), *converted.sources]
+    if mocap and not readable:
+        first = converted.left_out[0]
+        raise SceneError(
+            f"None of the {len(foreign)} motion capture files could be used; {Path(first['file']).name}: "
+            f"{first['reason']}"
+        )
+    return readable
+
+
+def _holds_bvh(path: Path) -> bool:
+    return not path.is_dir() or any(file.suffix.lower() == ".bvh" for file in path.rglob("*"))
 
 
 def finish(job: core.Job[T]) -> Steps[T]:
@@ -408,7 +448,8 @@ def finish(job: core.Job[T]) -> Steps[T]:
 
 
 def _is_library_file(path: str) -> bool:
-    return Path(path).is_file() and Path(path).suffix.lower() != ".bvh"
+    file = Path(path)
+    return file.is_file() and file.suffix.lower() != ".bvh" and not is_foreign(file)
 
 
 def _state_of_files(paths: tuple[str, ...], mapping: str) -> FileStates:
@@ -466,7 +507,7 @@ class Run(Generic[T_co]):
     def __init__(self, steps: Steps[T_co]) -> None:
         self._steps = steps
         #: What the steps stand at.
-        self._job: core.Job[object] | None = None
+        self._job: Work | None = None
         #: What they gave, once they have.
         self._given: tuple[T_co] | None = None
         self._error: Exception | None = None

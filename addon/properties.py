@@ -62,7 +62,7 @@ class OncueLibraryPath(bpy.types.PropertyGroup):
 
     path: StringProperty(
         name="Path",
-        description="A .bvh file, a folder of them, or a library file",
+        description="A .bvh, .fbx, .glb or .gltf file, a folder of them, or a library file",
         subtype="FILE_PATH",
         options={"ANIMATABLE", *RELATIVE_PATHS},
         default="",

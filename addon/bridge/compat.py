@@ -91,6 +91,28 @@ def action_curves(action: bpy.types.Action, owner: bpy.types.Object | None = Non
     return [curve for holder in _holders(action, owner) for curve in holder.fcurves]
 
 
+def object_slots(action: bpy.types.Action) -> list:
+    """The slots of an action through which objects can play it; one that is None before there were slots."""
+    if not SLOTTED_ACTIONS:
+        return [None] if action.id_root in {"OBJECT", "UNSPECIFIED"} or not action.id_root else []
+    return [slot for slot in action.slots if slot.target_id_type in {"OBJECT", "UNSPECIFIED"}]
+
+
+def slot_curves(action: bpy.types.Action, slot) -> list[bpy.types.FCurve]:
+    """The F-curves of one of an action's `object_slots`."""
+    if slot is None:
+        return list(action.fcurves)
+    bags = [bag for layer in action.layers for strip in layer.strips for bag in strip.channelbags]
+    return [curve for bag in bags if bag.slot_handle == slot.handle for curve in bag.fcurves]
+
+
+def play(owner: bpy.types.Object, action: bpy.types.Action, slot) -> None:
+    """Has `owner`, which has animation data, play an action through one of its `object_slots`."""
+    owner.animation_data.action = action
+    if slot is not None:
+        owner.animation_data.action_slot = slot
+
+
 def remove_curve(action: bpy.types.Action, owner: bpy.types.Object, curve: bpy.types.FCurve) -> None:
     """Takes an F-curve that moves `owner` out of an action."""
     for holder in _holders(action, owner):

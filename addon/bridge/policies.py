@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import bpy
 
 from ..policy_cache import PolicyCache
@@ -16,10 +14,6 @@ DEFAULT_LIMIT_MB = 200
 
 def policy_cache(context: bpy.types.Context) -> PolicyCache:
     """The cache of this user."""
-    try:
-        folder = Path(bpy.utils.extension_path_user(user_preferences.PACKAGE, path="policies"))
-    except ValueError:  # not installed as an extension
-        folder = Path(bpy.utils.user_resource("DATAFILES", path="oncue")) / "policies"
     chosen = user_preferences.get(context)
     limit = chosen.policy_limit if chosen else DEFAULT_LIMIT_MB
-    return PolicyCache(folder, limit * 1_000_000)
+    return PolicyCache(user_preferences.folder("policies"), limit * 1_000_000)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import bpy
@@ -29,6 +29,7 @@ from .moving_reader import read_moving, taken_as_it_stands
 from .names import CHARACTER_KEY, LIVE_KEY, REPORT_KEY
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
+from .second_blender import second_blender
 from .take import Take, keep_solved, solved_take
 from .what_counts import things_of
 
@@ -49,7 +50,7 @@ def library_choice(scene: bpy.types.Scene) -> LibraryChoice:
         if item.path.startswith("//") and not bpy.data.filepath:
             raise SceneError(f"{item.path} is relative to a file that was never saved: save it, or add the path again.")
         paths.append(str(Path(bpy.path.abspath(item.path)).resolve()))
-    return LibraryChoice(tuple(paths), scene.oncue.starter.lower(), mapping_path(scene))
+    return LibraryChoice(tuple(paths), scene.oncue.starter.lower(), mapping_path(scene), second_blender())
 
 
 def mapping_path(scene: bpy.types.Scene) -> str:
@@ -333,7 +334,7 @@ def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str
         "preset": request.preset,
         "overrides": request.overrides,
         "manifold": request.manifold,
-        "library": {**asdict(request.library), "paths": list(request.library.paths)},
+        "library": request.library.told(),
         "title": title_of(request),
         "scene_triangles": len(request.triangles) + sum(len(thing.triangles) for thing in request.moving),
         "begins": begins,

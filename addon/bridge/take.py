@@ -106,7 +106,7 @@ def solved_of(action: bpy.types.Action) -> Solved:
         solved = Solved(motion, contacts, int(start_frame), scene_rate, metres_per_unit, matrix_world, keys)
         _check_shapes(solved)
         return solved
-    except (OSError, ValueError, KeyError, EOFError, OverflowError, zipfile.BadZipFile, zlib.error) as error:
+    except (OSError, ValueError, TypeError, KeyError, EOFError, OverflowError, zipfile.BadZipFile, zlib.error) as error:
         raise SceneError(f"What {action.name} keeps of its motion is damaged: synthesize it again.") from error
 
 

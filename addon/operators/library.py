@@ -9,6 +9,9 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, StringProperty
 
 from ..bridge import session, user_preferences
+from ..bridge.own_action import Taken, own_action_steps
+from ..files import write_whole
+from ..foreign_captures import SUFFIXES as FOREIGN
 from ..job_operator import JobOperator
 from ..pipeline import LIBRARY_SUFFIX, BuiltLibrary, Steps, library_steps
 from .button import Button
@@ -16,7 +19,7 @@ from .synthesize import library_cache
 
 
 class ONCUE_OT_add_library(Button, bpy.types.Operator):
-    """Add motion capture (.bvh files or a folder of them) or a library file"""
+    """Add motion capture (.bvh, .fbx, .glb or .gltf files, or a folder of them) or a library file"""
 
     bl_idname = "oncue.add_library"
     bl_label = "Add to Library"
@@ -28,7 +31,9 @@ class ONCUE_OT_add_library(Button, bpy.types.Operator):
         type=bpy.types.OperatorFileListElement,
         options={"SKIP_SAVE"},
     )
-    filter_glob: StringProperty(default=f"*.bvh;*.BVH;*{LIBRARY_SUFFIX}", options={"HIDDEN"})
+    filter_glob: StringProperty(
+        default=";".join(f"*{suffix}" for suffix in (".bvh", ".BVH", *FOREIGN, LIBRARY_SUFFIX)), options={"HIDDEN"}
+    )
     filter_folder: BoolProperty(default=True, options={"HIDDEN"})
 
     def invoke(self, context: bpy.types.Context, _event) -> set[str]:
@@ -41,12 +46,66 @@ class ONCUE_OT_add_library(Button, bpy.types.Operator):
     def act(self, context: bpy.types.Context) -> None:
         names = [] if self.folder else [entry.name for entry in self.files if entry.name]
         folder = Path(self.directory)
-        settings = context.scene.oncue
-        known = {item.path for item in settings.library_paths}
-        for path in [folder / name for name in names] or [folder]:
-            if str(path) not in known:
-                settings.library_paths.add().path = str(path)
-        settings.library_index = len(settings.library_paths) - 1
+        add_paths(context.scene.oncue, [folder / name for name in names] or [folder])
+
+
+def add_paths(settings, paths: list[Path]) -> None:
+    """Adds to the library what is not there yet, and chooses the last."""
+    known = {item.path for item in settings.library_paths}
+    for path in paths:
+        if str(path) not in known:
+            settings.library_paths.add().path = str(path)
+    settings.library_index = len(settings.library_paths) - 1
+
+
+class ONCUE_OT_add_action(JobOperator, bpy.types.Operator):
+    """Write what the active armature plays as a capture (.bvh), and add it to the library"""
+
+    bl_idname = "oncue.add_action"
+    bl_label = "Add Action"
+    bl_options = {"REGISTER", "UNDO"}
+    title = "Capturing the action"
+
+    every: BoolProperty(
+        name="Every Action",
+        description="All actions of the file that move the armature's bones, each in a file of its own",
+        options={"SKIP_SAVE"},
+    )
+    filepath: StringProperty(description="The capture to write", subtype="FILE_PATH", options={"SKIP_SAVE"})
+    check_existing: BoolProperty(default=True, options={"HIDDEN"})
+    filter_glob: StringProperty(default="*.bvh", options={"HIDDEN"})
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        armature = context.active_object
+        if armature is None or armature.type != "ARMATURE" or armature.mode == "EDIT":
+            cls.poll_message_set("Select an armature that plays an action, out of edit mode")
+            return False
+        return super().poll(context)
+
+    def invoke(self, context: bpy.types.Context, event) -> set[str]:
+        if self.filepath:
+            return super().invoke(context, event)
+        armature = context.active_object
+        data = armature.animation_data
+        name = f"{armature.name} {data.action.name}" if data and data.action else armature.name
+        self.filepath = f"{bpy.path.clean_name(name)}.bvh"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def begin(self, context: bpy.types.Context) -> Steps[list[Taken]]:
+        return own_action_steps(context, context.active_object, every=self.every)
+
+    def finish(self, context: bpy.types.Context, value: list[Taken]) -> None:
+        path = Path(bpy.path.abspath(self.filepath)).with_suffix(".bvh")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        paths = []
+        for taken in value:
+            name = path.name if len(value) == 1 else f"{path.stem} {bpy.path.clean_name(taken.action)}.bvh"
+            paths.append(path.with_name(name))
+            write_whole(paths[-1], taken.text)
+        add_paths(context.scene.oncue, paths)
+        self.report({"INFO"}, f"Added {', '.join(path.name for path in paths)} to the library.")
 
 
 class ONCUE_OT_remove_library(Button, bpy.types.Operator):
@@ -116,7 +175,10 @@ class ONCUE_OT_read_library(JobOperator, bpy.types.Operator):
         self.report({"INFO"}, f"{used} of {len(captures)} captures are used; the library has {minutes:.1f} minutes.")
 
 
-CLASSES = (ONCUE_OT_add_library, ONCUE_OT_remove_library, ONCUE_OT_save_library, ONCUE_OT_read_library)
+CLASSES = (
+    *(ONCUE_OT_add_library, ONCUE_OT_add_action, ONCUE_OT_remove_library),
+    *(ONCUE_OT_save_library, ONCUE_OT_read_library),
+)
 
 
 register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -45,6 +45,7 @@ class ONCUE_MT_motion(bpy.types.Menu):
             layout.operator(f"oncue.{name}")
         layout.operator("oncue.add_library", text="Add Motion Capture Files")
         layout.operator("oncue.add_library", text="Add Motion Capture Folder").folder = True
+        layout.operator("oncue.add_action", text="Add Action to Library")
         for name in ("read_library", "save_library", "train_manifold"):
             layout.operator(f"oncue.{name}")
 

@@ -473,12 +473,14 @@ class Clip(TypedDict):
 class Capture(TypedDict):
     """What a motion capture file gave to a library.
 
+    `action`: which of its actions, where a file of another format was made a .bvh (`sources` of the settings), or None.
     `clip`: the name of what was made of it, or None. `seconds`: of each action that it shows, those of "other" are not
     matched. `notes`: what was taken otherwise than the file says it, a sentence each. `reason`: why the file, or the
     part of it that is not matched, is left out, a sentence or None.
     """
 
     file: str
+    action: str | None
     clip: str | None
     seconds: dict[str, float]
     notes: list[str]

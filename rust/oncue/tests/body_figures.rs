@@ -10,7 +10,7 @@ use oncue::{MotionLibrary, Progress};
 
 fn captured(set: &str) -> Option<MotionLibrary> {
     let folder = common::shared(&format!("data/mocap/{set}"))?;
-    let settings = LibrarySettings { mirror: false, starter: StarterUse::None, mapping: None };
+    let settings = LibrarySettings { mirror: false, starter: StarterUse::None, ..LibrarySettings::default() };
     Some(build(&[folder], &settings, &Progress::new()).expect("a library").library)
 }
 

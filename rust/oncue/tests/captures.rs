@@ -5,7 +5,7 @@ mod written;
 use std::path::PathBuf;
 
 use oncue::internals::UpAxis;
-use oncue::library::{BuiltLibrary, Capture, Clip, LibrarySettings, StarterUse, build};
+use oncue::library::{BuiltLibrary, Capture, CaptureSource, Clip, LibrarySettings, StarterUse, build};
 use oncue::motion::{Joint, Pose};
 use oncue::{ActionLabel, Error, Progress};
 use written::Written;
@@ -34,7 +34,7 @@ impl Drop for Folder {
 }
 
 fn only(path: PathBuf) -> Result<BuiltLibrary, Error> {
-    let settings = LibrarySettings { mirror: false, starter: StarterUse::None, mapping: None };
+    let settings = LibrarySettings { mirror: false, starter: StarterUse::None, ..LibrarySettings::default() };
     build(&[path], &settings, &Progress::new())
 }
 
@@ -248,4 +248,49 @@ fn a_scrap_does_not_take_the_starters_place() {
         }
     }
     assert!(built.library.summary().rows[0].mocap_seconds > 0.5, "the scrap is there too");
+}
+
+#[test]
+fn a_file_that_stands_for_another_goes_by_its_name() {
+    let (folder, walk) = (Folder::new("sources"), walk());
+    let text = Written::default().text(&walk);
+    // Kept under names that say nothing, in another order than their sources'.
+    let kept = folder.0.join("kept");
+    std::fs::create_dir_all(&kept).unwrap();
+    let sources: Vec<(PathBuf, CaptureSource)> = [("1.bvh", "b.fbx", "Run"), ("2.bvh", "a.glb", "Walk"), ("0.bvh", "b.fbx", "Walk")]
+        .into_iter()
+        .map(|(kept_as, file, action)| {
+            let path = folder.write(&format!("kept/{kept_as}"), &text);
+            (path, CaptureSource { file: folder.0.join(file), action: action.into() })
+        })
+        .collect();
+    folder.write("kept/3.bvh", "HIERARCHY");
+    let broken = CaptureSource { file: folder.0.join("c.fbx"), action: "None".into() };
+    // A mapping file lies beside the source.
+    folder.write("a.oncue.json", r#"{"labels": [{"label": "other", "first": 0, "end": 100000}]}"#);
+    let settings = LibrarySettings {
+        mirror: false,
+        starter: StarterUse::None,
+        sources: sources.into_iter().chain([(kept.join("3.bvh"), broken)]).collect(),
+        ..LibrarySettings::default()
+    };
+    let built = build(&[kept], &settings, &Progress::new()).unwrap();
+    let told: Vec<(&str, &str, Option<&str>)> = built
+        .captures
+        .iter()
+        .map(|c| (c.file.file_name().unwrap().to_str().unwrap(), c.action.as_deref().unwrap(), c.clip.as_deref()))
+        .collect();
+    assert_eq!(
+        told,
+        [
+            ("a.glb", "Walk", Some("a Walk")),
+            ("b.fbx", "Run", Some("b Run")),
+            ("b.fbx", "Walk", Some("b Walk")),
+            ("c.fbx", "None", None),
+        ]
+    );
+    assert_eq!(built.captures[0].seconds.keys().collect::<Vec<_>>(), [&ActionLabel::Other]);
+    assert!(built.captures[1].seconds[&ActionLabel::Walk] > 3.0);
+    // A file that stands for itself has no action.
+    assert_eq!(only(folder.write("own.bvh", &text)).unwrap().captures[0].action, None);
 }

@@ -23,7 +23,7 @@ use shared_tests::{always, needs};
 use written::Written;
 
 fn settings() -> LibrarySettings {
-    LibrarySettings { mirror: false, starter: StarterUse::None, mapping: None }
+    LibrarySettings { mirror: false, starter: StarterUse::None, ..LibrarySettings::default() }
 }
 
 /// The library of a folder, built once for all tests.

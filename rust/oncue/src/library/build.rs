@@ -40,11 +40,23 @@ pub struct LibrarySettings {
     pub starter: StarterUse,
     /// A mapping file for all the files (docs/captures.md); those beside the files go before it. Default: none.
     pub mapping: Option<PathBuf>,
+    /// Files that were made of others, each with what it shows. Default: none.
+    pub sources: BTreeMap<PathBuf, CaptureSource>,
+}
+
+/// What a `.bvh` was made of that stands for a capture of another format.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaptureSource {
+    /// The capture: it is named in place of the `.bvh`, and mapping files lie beside it.
+    pub file: PathBuf,
+    /// Which of its actions.
+    pub action: String,
 }
 
 impl Default for LibrarySettings {
     fn default() -> Self {
-        Self { mirror: true, starter: StarterUse::Missing, mapping: None }
+        Self { mirror: true, starter: StarterUse::Missing, mapping: None, sources: BTreeMap::new() }
     }
 }
 
@@ -69,6 +81,8 @@ impl BuiltLibrary {
 pub struct Capture {
     /// The file.
     pub file: PathBuf,
+    /// Which of its actions, where it is of a format that holds several.
+    pub action: Option<String>,
     /// The clip that was made of it, or `None`.
     pub clip: Option<String>,
     /// Seconds of each action that it shows; those of [`ActionLabel::Other`] are not matched.
@@ -91,7 +105,11 @@ const KEEP_BYTES: u64 = 512 << 20;
 /// file at all could be used, [`Error::Cancelled`].
 pub fn build(paths: &[PathBuf], settings: &LibrarySettings, progress: &Progress) -> Result<BuiltLibrary> {
     progress.stage("Finding motion capture");
-    let files = find_files(paths)?;
+    let source = |path: &PathBuf| settings.sources.get(path);
+    let named = |path: &PathBuf| source(path).map_or(path, |source| &source.file).clone();
+    let mut files = find_files(paths)?;
+    // By what they stand for, wherever that is kept.
+    files.sort_by_cached_key(|path| (named(path), source(path).cloned()));
     let common = match &settings.mapping {
         Some(path) => sidecar::read_common(path).map_err(Error::Input)?,
         None => FolderSidecar::default(),
@@ -99,7 +117,7 @@ pub fn build(paths: &[PathBuf], settings: &LibrarySettings, progress: &Progress)
     let bytes: u64 = files.iter().filter_map(|f| f.metadata().ok()).map(|m| m.len()).sum();
 
     progress.stage("Reading motion capture");
-    let surveyed = each(&files, progress, |path| survey(path, &common, bytes < KEEP_BYTES))?;
+    let surveyed = each(&files, progress, |path| survey(path, &named(path), &common, bytes < KEEP_BYTES))?;
     let groups = survey::groups(surveyed.iter().filter_map(|s| s.as_ref().ok()));
 
     progress.stage("Retargeting motion capture");
@@ -114,7 +132,8 @@ pub fn build(paths: &[PathBuf], settings: &LibrarySettings, progress: &Progress)
     let mut names = BTreeSet::new();
     for (path, take) in files.iter().zip(takes) {
         let mut capture = Capture {
-            file: path.clone(),
+            file: named(path),
+            action: source(path).map(|source| source.action.clone()),
             clip: None,
             seconds: BTreeMap::new(),
             notes: Vec::new(),
@@ -122,6 +141,9 @@ pub fn build(paths: &[PathBuf], settings: &LibrarySettings, progress: &Progress)
         };
         match take {
             Ok(Take { mut clip, notes, reason }) => {
+                if let Some(source) = source(path) {
+                    clip.name = format!("{} {}", name_of(&source.file), source.action);
+                }
                 let stem = clip.name.clone();
                 for n in 2.. {
                     if names.insert(clip.name.clone()) {
@@ -247,6 +269,11 @@ fn add_starter(library: &mut MotionLibrary, starter: StarterUse, progress: &Prog
         }
     }
     Ok(())
+}
+
+/// What a clip of a file is called.
+pub(super) fn name_of(path: &Path) -> String {
+    path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 /// Seconds of `frames` at 30 Hz.

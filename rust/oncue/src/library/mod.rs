@@ -47,7 +47,7 @@ mod take;
 pub(crate) mod up_axis;
 mod walk_on_the_spot;
 
-pub use build::{BuiltLibrary, Capture, LibrarySettings, StarterUse, build};
+pub use build::{BuiltLibrary, Capture, CaptureSource, LibrarySettings, StarterUse, build};
 pub use clip::{Clip, MotionLibrary, Segment, Source};
 pub use database::MotionDatabase;
 pub use feature::FeatureWeights;

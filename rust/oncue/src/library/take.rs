@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::Vec2;
 
-use super::build::seconds;
+use super::build::{name_of, seconds};
 use super::calibration::{self, Calibration};
 use super::clip::{Clip, Segment, Source};
 use super::sampler::Sampler;
@@ -59,8 +59,7 @@ pub(super) fn make(path: &Path, survey: &Survey, group: &Group) -> Result<Take, 
     }
     let segments = labelled(&motion, &sampler, &survey.sidecar, file.frame_count())?;
     let reason = why_unmatched(&motion, &segments);
-    let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    let clip = Clip { name, source: Source::Mocap, mirrored: false, motion, segments };
+    let clip = Clip { name: name_of(path), source: Source::Mocap, mirrored: false, motion, segments };
     Ok(Take { clip, notes: survey.notes.clone(), reason })
 }
 

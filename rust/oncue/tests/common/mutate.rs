@@ -2,12 +2,14 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use oncue::controller::StoredPolicy;
 use oncue::internals::checkpoint;
 use oncue::library::{self, LibrarySettings, StarterUse};
 use oncue::manifold::Manifold;
+use oncue::motion::skeleton::NAMES;
 use oncue::{MotionDatabase, MotionLibrary, Progress, Settings};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -19,10 +21,17 @@ const HANG: Duration = Duration::from_secs(20);
 pub struct Kind {
     pub name: &'static str,
     whole: Vec<u8>,
-    /// Text is changed by words and lines, a container by its payload under a checksum that fits, too.
-    text: bool,
+    form: Form,
     /// Whether it was read; an error where what was read is nonsense.
     read: fn(&[u8], &Path) -> Result<bool, String>,
+}
+
+/// How a file is changed.
+enum Form {
+    /// By its words, also to these.
+    Text(&'static [&'static str]),
+    /// By its bytes; mostly those of its payload, under a checksum that fits.
+    Container,
 }
 
 /// What came of the inputs of a kind.
@@ -44,9 +53,18 @@ pub fn kinds() -> Vec<Kind> {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(name);
         std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     };
-    let kind = |name, whole, read| Kind { name, whole, text: false, read };
+    let kind = |name, whole, read| Kind { name, whole, form: Form::Container, read };
+    let text = |name, whole: String, words, read| Kind {
+        name,
+        whole: whole.into_bytes(),
+        form: Form::Text(words),
+        read,
+    };
     vec![
-        Kind { name: "capture (.bvh)", whole: capture(), text: true, read: read_capture },
+        text("capture (.bvh)", capture().to_owned(), &MOCAP_WORDS, read_capture),
+        text("mapping file of a capture", own_mapping(), &JSON_WORDS, read_own_mapping),
+        text("mapping file for all captures", common_mapping(), &JSON_WORDS, read_common_mapping),
+        text("settings (JSON)", settings(), &JSON_WORDS, read_settings),
         kind("motion library", golden("library-1.oncue"), read_library),
         kind("policy", golden("policy-1.oncuepolicy"), read_policy),
         kind("motion manifold", golden("manifold-1.oncueman"), read_manifold),
@@ -72,7 +90,9 @@ pub fn try_kind(kind: &Kind, count: usize, seed: u64) -> Counts {
         counts.hangs += usize::from(spent > HANG);
         counts.slowest = counts.slowest.max(spent);
     }
-    let _ = std::fs::remove_file(&scratch);
+    for written in [scratch.clone(), scratch.with_extension(MAPPING), scratch.with_extension("json")] {
+        let _ = std::fs::remove_file(written);
+    }
     counts
 }
 
@@ -80,8 +100,8 @@ impl Kind {
     fn changed(&self, rng: &mut Pcg64) -> Vec<u8> {
         let mut bytes = self.whole.clone();
         let changes = rng.random_range(1..=4);
-        if self.text {
-            (0..changes).for_each(|_| change_text(&mut bytes, rng));
+        if let Form::Text(words) = self.form {
+            (0..changes).for_each(|_| change_text(&mut bytes, words, rng));
         } else if rng.random_bool(0.3) {
             (0..changes).for_each(|_| change_bytes(&mut bytes, rng));
         } else {
@@ -134,25 +154,49 @@ fn change_bytes(bytes: &mut Vec<u8>, rng: &mut Pcg64) {
     }
 }
 
-fn change_text(bytes: &mut Vec<u8>, rng: &mut Pcg64) {
-    const WORDS: [&str; 16] = [
-        "nan",
-        "inf",
-        "-1e38",
-        "1e999",
-        "0",
-        "-0",
-        "4294967296",
-        "-1",
-        "}",
-        "{",
-        "ROOT a",
-        "JOINT Hips",
-        "End Site",
-        "CHANNELS 6 Xposition",
-        "Frames: 1000000000",
-        "\u{fffd}",
-    ];
+const MOCAP_WORDS: [&str; 16] = [
+    "nan",
+    "inf",
+    "-1e38",
+    "1e999",
+    "0",
+    "-0",
+    "4294967296",
+    "-1",
+    "}",
+    "{",
+    "ROOT a",
+    "JOINT Hips",
+    "End Site",
+    "CHANNELS 6 Xposition",
+    "Frames: 1000000000",
+    "\u{fffd}",
+];
+
+const JSON_WORDS: [&str; 20] = [
+    "null",
+    "true",
+    "-1",
+    "0",
+    "1e999",
+    "1e-320",
+    "18446744073709551616",
+    "9223372036854775807",
+    "4294967296",
+    "1000000000",
+    "NaN",
+    "{",
+    "}",
+    "[",
+    "]",
+    "\"\\ud800\"",
+    "\"LeftLeg\"",
+    "\"Hips\"",
+    "\"sit\"",
+    "\"\"",
+];
+
+fn change_text(bytes: &mut Vec<u8>, new_words: &[&str], rng: &mut Pcg64) {
     let words: Vec<(usize, usize)> = {
         let mut found = Vec::new();
         let mut begin = None;
@@ -183,7 +227,7 @@ fn change_text(bytes: &mut Vec<u8>, rng: &mut Pcg64) {
         }
         2 => change_bytes(bytes, rng),
         _ => {
-            let word = WORDS[rng.random_range(0..WORDS.len())].bytes();
+            let word = new_words[rng.random_range(0..new_words.len())].bytes();
             bytes.splice(from..to, word);
         }
     }
@@ -196,24 +240,83 @@ fn scratch() -> PathBuf {
     std::env::temp_dir().join(format!("oncue-mutation-{}-{number}.bvh", std::process::id()))
 }
 
-fn capture() -> Vec<u8> {
-    let starter = library::starter::generate(&Progress::new()).expect("a library");
-    let lengths = starter.clips.iter().enumerate().filter(|(_, clip)| clip.motion.len() >= 90);
-    let (shortest, _) = lengths.min_by_key(|(_, clip)| clip.motion.len()).expect("a clip of three seconds");
-    let path = scratch();
-    starter.write_bvh(shortest, &path).expect("written");
-    let bytes = std::fs::read(&path).expect("read");
-    let _ = std::fs::remove_file(&path);
-    bytes
+/// The text of a capture of three seconds.
+fn capture() -> &'static str {
+    static TEXT: OnceLock<String> = OnceLock::new();
+    TEXT.get_or_init(|| {
+        let starter = library::starter::generate(&Progress::new()).expect("a library");
+        let lengths = starter.clips.iter().filter(|clip| clip.motion.len() >= 90);
+        let shortest = lengths.min_by_key(|clip| clip.motion.len()).expect("a clip of three seconds");
+        library::to_bvh(&shortest.motion).expect("written")
+    })
 }
 
 /// All the way to a clip.
 fn read_capture(bytes: &[u8], scratch: &Path) -> Result<bool, String> {
     std::fs::write(scratch, bytes).map_err(|error| error.to_string())?;
-    let settings = LibrarySettings { starter: StarterUse::None, ..LibrarySettings::default() };
-    match library::build(&[scratch.to_path_buf()], &settings, &Progress::new()) {
+    build(scratch, None)
+}
+
+fn build(path: &Path, mapping: Option<PathBuf>) -> Result<bool, String> {
+    let settings = LibrarySettings { starter: StarterUse::None, mapping, ..LibrarySettings::default() };
+    match library::build(&[path.to_path_buf()], &settings, &Progress::new()) {
         Ok(built) => sound(&built.library).map(|()| built.library.clips.iter().any(|_| true)),
         Err(_) => Ok(false),
+    }
+}
+
+/// Ending of the mapping file that lies beside a capture.
+const MAPPING: &str = "oncue.json";
+
+/// All that a mapping file can say of a capture, a word for each piece of it.
+fn own_mapping() -> String {
+    let joints: Vec<String> = NAMES.iter().map(|name| format!("\"{name}\" : \"{name}\"")).collect();
+    format!(
+        "{{ \"exclude\" : false , \"up\" : \"y\" , \"rate\" : 30 , \"mapping\" : {{ {} }} , \"labels\" : [ {{ \"label\" : \
+         \"walk\" , \"first\" : 0 , \"end\" : 40 }} , {{ \"label\" : \"sit\" , \"first\" : 40 , \"end\" : 80 , \"complete\" : 70 \
+         }} ] }} ",
+        joints.join(" , ")
+    )
+}
+
+/// The same for all captures, and some of one of them.
+fn common_mapping() -> String {
+    let own = own_mapping();
+    let (common, _) = own.split_once(" , \"labels\"").expect("labels come last");
+    format!("{common} , \"files\" : {{ \"walk.bvh\" : {own} , \"b.bvh\" : {{ \"up\" : \"-x\" }} }} }} ")
+}
+
+fn read_own_mapping(bytes: &[u8], scratch: &Path) -> Result<bool, String> {
+    let written = std::fs::write(scratch, capture()).and_then(|()| std::fs::write(scratch.with_extension(MAPPING), bytes));
+    written.map_err(|error| error.to_string())?;
+    build(scratch, None)
+}
+
+fn read_common_mapping(bytes: &[u8], scratch: &Path) -> Result<bool, String> {
+    let path = scratch.with_extension("json");
+    let written = std::fs::write(scratch, capture()).and_then(|()| std::fs::write(&path, bytes));
+    written.map_err(|error| error.to_string())?;
+    let _ = std::fs::remove_file(scratch.with_extension(MAPPING));
+    build(scratch, Some(path))
+}
+
+/// All settings, a word for each piece of them.
+fn settings() -> String {
+    let pretty = serde_json::to_string_pretty(&Settings::default()).expect("JSON");
+    pretty.replace(',', " ,").replace(':', " :")
+}
+
+fn read_settings(bytes: &[u8], _: &Path) -> Result<bool, String> {
+    let Ok(settings) = serde_json::from_slice::<Settings>(bytes) else { return Ok(false) };
+    if settings.validate().is_err() {
+        return Ok(false);
+    }
+    // What is let in are numbers that can be written and read again.
+    let text = serde_json::to_vec(&settings).map_err(|error| error.to_string())?;
+    match serde_json::from_slice::<Settings>(&text) {
+        Ok(again) if again == settings => Ok(true),
+        Ok(_) => Err("what was read is not what is written".into()),
+        Err(error) => Err(error.to_string()),
     }
 }
 
