@@ -25,7 +25,8 @@ mutations` does so with a thousand of each kind, `tests/addon/test_mutations.py`
 /// `1 000 000`.
 fn grouped(count: usize) -> String {
     let digits = count.to_string();
-    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|g| std::str::from_utf8(g).ok()).collect();
+    let groups: Vec<&str> =
+        digits.as_bytes().rchunks(3).rev().filter_map(|g| std::str::from_utf8(g).ok()).collect();
     groups.join(" ")
 }
 
@@ -38,10 +39,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let kinds = mutate::kinds();
     let stretches = inputs.div_ceil(STRETCH * kinds.len()).max(1);
     println!("{HEAD}");
-    println!(
-        "{} files, seed {seed}:\n",
-        grouped(stretches * STRETCH * kinds.len())
-    );
+    println!("{} files, seed {seed}:\n", grouped(stretches * STRETCH * kinds.len()));
     println!(
         "| file | inputs | read | refused by a sentence | read as nonsense | panics | over 20 s | slowest, s |"
     );

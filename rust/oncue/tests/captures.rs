@@ -257,13 +257,14 @@ fn a_file_that_stands_for_another_goes_by_its_name() {
     // Kept under names that say nothing, in another order than their sources'.
     let kept = folder.0.join("kept");
     std::fs::create_dir_all(&kept).unwrap();
-    let sources: Vec<(PathBuf, CaptureSource)> = [("1.bvh", "b.fbx", "Run"), ("2.bvh", "a.glb", "Walk"), ("0.bvh", "b.fbx", "Walk")]
-        .into_iter()
-        .map(|(kept_as, file, action)| {
-            let path = folder.write(&format!("kept/{kept_as}"), &text);
-            (path, CaptureSource { file: folder.0.join(file), action: action.into() })
-        })
-        .collect();
+    let sources: Vec<(PathBuf, CaptureSource)> =
+        [("1.bvh", "b.fbx", "Run"), ("2.bvh", "a.glb", "Walk"), ("0.bvh", "b.fbx", "Walk")]
+            .into_iter()
+            .map(|(kept_as, file, action)| {
+                let path = folder.write(&format!("kept/{kept_as}"), &text);
+                (path, CaptureSource { file: folder.0.join(file), action: action.into() })
+            })
+            .collect();
     folder.write("kept/3.bvh", "HIERARCHY");
     let broken = CaptureSource { file: folder.0.join("c.fbx"), action: "None".into() };
     // A mapping file lies beside the source.
@@ -278,7 +279,9 @@ fn a_file_that_stands_for_another_goes_by_its_name() {
     let told: Vec<(&str, &str, Option<&str>)> = built
         .captures
         .iter()
-        .map(|c| (c.file.file_name().unwrap().to_str().unwrap(), c.action.as_deref().unwrap(), c.clip.as_deref()))
+        .map(|c| {
+            (c.file.file_name().unwrap().to_str().unwrap(), c.action.as_deref().unwrap(), c.clip.as_deref())
+        })
         .collect();
     assert_eq!(
         told,

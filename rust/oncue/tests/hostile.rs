@@ -24,7 +24,11 @@ fn indexing_a_floor_that_is_there_many_times_can_be_cancelled() {
     let (sender, receiver) = channel();
     let work = thread::spawn({
         let progress = progress.clone();
-        move || sender.send(SceneIndex::build(&positions, &triangles, &SceneSettings::default(), &progress).map(|_| ()))
+        move || {
+            sender.send(
+                SceneIndex::build(&positions, &triangles, &SceneSettings::default(), &progress).map(|_| ()),
+            )
+        }
     });
     // Done before it is cancelled is as good.
     let result = receiver.recv_timeout(Duration::from_millis(300)).or_else(|_| {
@@ -36,7 +40,14 @@ fn indexing_a_floor_that_is_there_many_times_can_be_cancelled() {
 }
 
 fn small() -> ManifoldSettings {
-    ManifoldSettings { channels: 8, epochs: 1, batch: 16, stride: 200, augmented: 0.0, ..ManifoldSettings::default() }
+    ManifoldSettings {
+        channels: 8,
+        epochs: 1,
+        batch: 16,
+        stride: 200,
+        augmented: 0.0,
+        ..ManifoldSettings::default()
+    }
 }
 
 #[test]
@@ -46,7 +57,13 @@ fn a_training_writes_what_can_be_read_or_says_why_not() {
     for settings in [
         ManifoldSettings { learning_rate: 1.0, final_learning_rate: 1.0, noise: 10.0, epochs: 4, ..small() },
         ManifoldSettings { origin: "o".repeat(4096), ..small() },
-        ManifoldSettings { contact_weight: 1e3, root_weight: 1e3, rotation_weight: 1e3, position_weight: 1e3, ..small() },
+        ManifoldSettings {
+            contact_weight: 1e3,
+            root_weight: 1e3,
+            rotation_weight: 1e3,
+            position_weight: 1e3,
+            ..small()
+        },
     ] {
         match train_manifold(&few, &settings, 1, None, &Progress::new()) {
             Ok(manifold) => {
@@ -64,7 +81,8 @@ fn a_training_writes_what_can_be_read_or_says_why_not() {
         ManifoldSettings { batch: 1 << 31, ..small() },
         ManifoldSettings { stride: 0, ..small() },
     ] {
-        let error = train_manifold(&few, &settings, 1, None, &Progress::new()).expect_err("refused").to_string();
+        let error =
+            train_manifold(&few, &settings, 1, None, &Progress::new()).expect_err("refused").to_string();
         assert!(error.contains("manifold."), "{error}");
     }
 }
@@ -95,7 +113,9 @@ fn a_library_of_nothing_is_a_sentence() {
         assert!(built.is_err(), "nothing to match against");
         let trained = train_manifold(&read, &small(), 1, None, &Progress::new());
         assert!(trained.expect_err("nothing to learn from").to_string().ends_with('.'));
-        assert!(read.summary().rows.iter().all(|row| row.mocap_seconds == 0.0 || row.label == ActionLabel::Other));
+        assert!(
+            read.summary().rows.iter().all(|row| row.mocap_seconds == 0.0 || row.label == ActionLabel::Other)
+        );
         let _ = (read.foot_figures(), read.body_figures());
     }
 }

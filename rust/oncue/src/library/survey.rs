@@ -89,7 +89,12 @@ fn read(path: &Path) -> Result<MocapFile, String> {
 
 /// Surveys a file that stands for the capture `source`, beside which its mapping files lie; `common` is what one for all
 /// files says. The error is a sentence.
-pub(super) fn survey(path: &Path, source: &Path, common: &FolderSidecar, keep: bool) -> Result<Survey, String> {
+pub(super) fn survey(
+    path: &Path,
+    source: &Path,
+    common: &FolderSidecar,
+    keep: bool,
+) -> Result<Survey, String> {
     let sidecar = sidecar::read(source, common)?;
     if sidecar.exclude == Some(true) {
         return Err("its mapping file excludes it.".into());

@@ -7,6 +7,8 @@ use rayon::prelude::*;
 
 use super::settings::SceneSettings;
 use super::triangle_tree::TriangleTree;
+use crate::error::Result;
+use crate::progress::Progress;
 
 /// Columns looked at along the longer side.
 const COLUMNS: usize = 96;
@@ -21,9 +23,14 @@ const STEP_UP: f32 = 0.25;
 
 /// World z of the dominant walkable level: of the lowest level surface with `headroom` over it in each of many
 /// columns, the height that most columns share. The lowest vertex where no column has such a surface.
-pub(super) fn dominant_level(tree: &TriangleTree, bounds: (Vec3, Vec3), headroom: f32) -> f32 {
+pub(super) fn dominant_level(
+    tree: &TriangleTree,
+    bounds: (Vec3, Vec3),
+    headroom: f32,
+    progress: &Progress,
+) -> Result<f32> {
     let lowest = |hits: &[Level]| hits.iter().find(|level| level.room >= headroom).map(|level| level.z);
-    most_shared(columns(tree, bounds, lowest), bounds.0.z).unwrap_or(bounds.0.z)
+    Ok(most_shared(columns(tree, bounds, lowest, progress)?, bounds.0.z).unwrap_or(bounds.0.z))
 }
 
 /// World z of the level that carries who stands at `place`: the `dominant` one unless the surface under the place lies
@@ -34,17 +41,18 @@ pub(super) fn level_under(
     dominant: f32,
     place: Vec3,
     settings: &SceneSettings,
-) -> f32 {
+    progress: &Progress,
+) -> Result<f32> {
     if !place.is_finite() {
-        return dominant;
+        return Ok(dominant);
     }
-    let Some(under) = support(tree, bounds.0.z, place) else { return dominant };
+    let Some(under) = support(tree, bounds.0.z, place) else { return Ok(dominant) };
     if (under - dominant).abs() <= settings.carpet_height {
-        return dominant;
+        return Ok(dominant);
     }
     let near = HEIGHT_STEP * LEVEL_STEPS as f32;
     let beside = |hits: &[Level]| hits.iter().map(|level| level.z).find(|z| (z - under).abs() <= near);
-    most_shared(columns(tree, bounds, beside), bounds.0.z).unwrap_or(under)
+    Ok(most_shared(columns(tree, bounds, beside, progress)?, bounds.0.z).unwrap_or(under))
 }
 
 /// The highest surface that a foot at `place` may stand on.
@@ -64,24 +72,28 @@ fn columns(
     tree: &TriangleTree,
     bounds: (Vec3, Vec3),
     pick: impl Fn(&[Level]) -> Option<f32> + Sync,
-) -> Vec<f32> {
+    progress: &Progress,
+) -> Result<Vec<f32>> {
     let (lo, hi) = bounds;
     let step = (hi - lo).truncate().max_element() / COLUMNS as f32;
     if step <= 0.0 {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let count = ((hi - lo).truncate() / step).ceil().max(Vec2::ONE).as_uvec2();
-    let mut heights: Vec<f32> = (0..count.x * count.y)
+    let found: Vec<Option<f32>> = (0..count.x * count.y)
         .into_par_iter()
-        .filter_map(|i| {
+        .map(|i| {
+            // A column may go through a floor that is there a thousand times.
+            progress.check()?;
             // Off the middle of the cells, as modelled scenes have their edges on round numbers.
             let xy =
                 lo.truncate() + step * Vec2::new((i % count.x) as f32 + 0.47, (i / count.x) as f32 + 0.53);
-            pick(&levels(tree, xy, lo.z, hi.z))
+            Ok(pick(&levels(tree, xy, lo.z, hi.z)))
         })
-        .collect();
+        .collect::<Result<_>>()?;
+    let mut heights: Vec<f32> = found.into_iter().flatten().collect();
     heights.sort_by(f32::total_cmp);
-    heights
+    Ok(heights)
 }
 
 /// The height that most of the `heights`, in rising order, share.

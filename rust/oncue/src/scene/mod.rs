@@ -147,11 +147,14 @@ impl SceneIndex {
         progress.fraction(0.1);
         let tree = TriangleTree::build(&corners, progress)?;
         progress.fraction(0.7);
-        let dominant = floor::dominant_level(&tree, bounds, settings.headroom);
-        let floor_height = settings.floor_height.unwrap_or_else(|| match task {
-            Some(task) => floor::level_under(&tree, bounds, dominant, task.start.position, settings),
-            None => dominant,
-        });
+        let dominant = floor::dominant_level(&tree, bounds, settings.headroom, progress)?;
+        let floor_height = match (settings.floor_height, task) {
+            (Some(height), _) => height,
+            (None, Some(task)) => {
+                floor::level_under(&tree, bounds, dominant, task.start.position, settings, progress)?
+            }
+            (None, None) => dominant,
+        };
         // What was learnt on one level says nothing of another.
         let level = (settings.floor_height.is_none() && floor_height != dominant).then_some(floor_height);
         let fingerprint = mesh::fingerprint(&corners, settings, level);

@@ -10,6 +10,11 @@ use crate::progress::Progress;
 
 /// References handed to obvhs at once: about 30 ms of work, so that a cancel is seen in time.
 const REFERENCE_CHUNK: usize = 32_768;
+/// The same of references many of which have one box: obvhs clusters these in a time that grows with their square.
+const ALIKE_CHUNK: usize = 512;
+/// Of a chunk so many references are looked at, spread over it; it is alike where so many of them have one box.
+const LOOKED_AT: usize = 256;
+const ALIKE: usize = 16;
 /// Triangles longer than this are cut for the tree, metres; doubled until the pieces stay within `SPLIT_BUDGET`.
 const PIECE_LENGTH: f32 = 0.5;
 /// Most pieces beyond one a triangle: this share of the triangles, and a floor for small scenes.
@@ -72,7 +77,7 @@ pub(super) fn references(triangles: &[[Vec3; 3]]) -> Vec<Reference> {
 /// Halves the references about the median of their centres along the longest side, until each part is a chunk.
 pub(super) fn halve(mut references: Vec<Reference>, progress: &Progress) -> Result<Vec<Vec<Reference>>> {
     progress.check()?;
-    if references.len() <= REFERENCE_CHUNK {
+    if references.len() <= ALIKE_CHUNK || (references.len() <= REFERENCE_CHUNK && !are_alike(&references)) {
         return Ok(vec![references]);
     }
     let center = |r: &Reference| r.aabb.min + r.aabb.max;
@@ -86,4 +91,13 @@ pub(super) fn halve(mut references: Vec<Reference>, progress: &Progress) -> Resu
     let mut chunks = lower?;
     chunks.extend(upper?);
     Ok(chunks)
+}
+
+/// Whether many of the references have one box, as those of a floor that is there a thousand times.
+fn are_alike(references: &[Reference]) -> bool {
+    let step = (references.len() / LOOKED_AT).max(1);
+    let key = |r: &Reference| [r.aabb.min, r.aabb.max].map(|v| v.to_array().map(f32::to_bits));
+    let mut boxes: Vec<_> = references.iter().step_by(step).map(key).collect();
+    boxes.sort_unstable();
+    boxes.chunk_by(|a, b| a == b).any(|same| same.len() >= ALIKE)
 }

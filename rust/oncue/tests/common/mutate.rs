@@ -1,5 +1,6 @@
 //! Files that nobody wrote: what Oncue reads, changed at random, read in this process, and what comes of it counted.
 
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -13,6 +14,7 @@ use oncue::motion::skeleton::NAMES;
 use oncue::{MotionDatabase, MotionLibrary, Progress, Settings};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use serde_json::{Value, json};
 
 /// An input that takes longer counts as a hang.
 const HANG: Duration = Duration::from_secs(20);
@@ -30,6 +32,8 @@ pub struct Kind {
 enum Form {
     /// By its words, also to these.
     Text(&'static [&'static str]),
+    /// By its words, or by its values.
+    Json,
     /// By its bytes; mostly those of its payload, under a checksum that fits.
     Container,
 }
@@ -54,17 +58,19 @@ pub fn kinds() -> Vec<Kind> {
         std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     };
     let kind = |name, whole, read| Kind { name, whole, form: Form::Container, read };
-    let text = |name, whole: String, words, read| Kind {
+    let json = |name, whole: Value, read| Kind {
         name,
-        whole: whole.into_bytes(),
-        form: Form::Text(words),
+        // A word for each piece of it.
+        whole: serde_json::to_string_pretty(&whole).unwrap_or_default().replace(',', " ,").into_bytes(),
+        form: Form::Json,
         read,
     };
+    let text = capture().as_bytes().to_vec();
     vec![
-        text("capture (.bvh)", capture().to_owned(), &MOCAP_WORDS, read_capture),
-        text("mapping file of a capture", own_mapping(), &JSON_WORDS, read_own_mapping),
-        text("mapping file for all captures", common_mapping(), &JSON_WORDS, read_common_mapping),
-        text("settings (JSON)", settings(), &JSON_WORDS, read_settings),
+        Kind { name: "capture (.bvh)", whole: text, form: Form::Text(&MOCAP_WORDS), read: read_capture },
+        json("mapping file of a capture", own_mapping(), read_own_mapping),
+        json("mapping file for all captures", common_mapping(), read_common_mapping),
+        json("settings (JSON)", json!(Settings::default()), read_settings),
         kind("motion library", golden("library-1.oncue"), read_library),
         kind("policy", golden("policy-1.oncuepolicy"), read_policy),
         kind("motion manifold", golden("manifold-1.oncueman"), read_manifold),
@@ -90,18 +96,38 @@ pub fn try_kind(kind: &Kind, count: usize, seed: u64) -> Counts {
         counts.hangs += usize::from(spent > HANG);
         counts.slowest = counts.slowest.max(spent);
     }
-    for written in [scratch.clone(), scratch.with_extension(MAPPING), scratch.with_extension("json")] {
-        let _ = std::fs::remove_file(written);
-    }
+    remove(&scratch);
     counts
 }
 
+fn remove(scratch: &Path) {
+    for written in [scratch.to_path_buf(), scratch.with_extension(MAPPING), scratch.with_extension("json")] {
+        let _ = std::fs::remove_file(written);
+    }
+}
+
 impl Kind {
+    /// Whether the file is read as it is; an error where what was read is nonsense.
+    pub fn read_whole(&self) -> Result<bool, String> {
+        let scratch = scratch();
+        let read = (self.read)(&self.whole, &scratch);
+        remove(&scratch);
+        read
+    }
+
     fn changed(&self, rng: &mut Pcg64) -> Vec<u8> {
         let mut bytes = self.whole.clone();
         let changes = rng.random_range(1..=4);
         if let Form::Text(words) = self.form {
             (0..changes).for_each(|_| change_text(&mut bytes, words, rng));
+        } else if matches!(self.form, Form::Json) {
+            match serde_json::from_slice::<Value>(&bytes) {
+                Ok(mut value) if rng.random_bool(0.7) => {
+                    (0..changes).for_each(|_| change_value(&mut value, rng));
+                    bytes = value.to_string().into_bytes();
+                }
+                _ => (0..changes).for_each(|_| change_text(&mut bytes, &JSON_WORDS, rng)),
+            }
         } else if rng.random_bool(0.3) {
             (0..changes).for_each(|_| change_bytes(&mut bytes, rng));
         } else {
@@ -196,6 +222,55 @@ const JSON_WORDS: [&str; 20] = [
     "\"\"",
 ];
 
+/// Somewhere in the tree a value is another, is gone, or is there once more.
+fn change_value(value: &mut Value, rng: &mut Pcg64) {
+    let inside = !rng.random_bool(0.1);
+    match value {
+        Value::Object(fields) if inside && !fields.is_empty() => {
+            let names: Vec<String> = fields.keys().cloned().collect();
+            let name = &names[rng.random_range(0..names.len())];
+            match rng.random_range(0..10) {
+                0 => drop(fields.remove(name)),
+                1 => {
+                    let kept = fields.remove(name).unwrap_or_default();
+                    fields.insert(format!("{name}s"), kept);
+                }
+                _ => change_value(&mut fields[name], rng),
+            }
+        }
+        Value::Array(items) if inside && !items.is_empty() => {
+            let at = rng.random_range(0..items.len());
+            match rng.random_range(0..10) {
+                0 => drop(items.remove(at)),
+                1 => items.push(items[at].clone()),
+                _ => change_value(&mut items[at], rng),
+            }
+        }
+        Value::Number(_) if rng.random_bool(0.7) => {
+            let numbers = [
+                json!(0),
+                json!(-1),
+                json!(1),
+                json!(2),
+                json!(50),
+                json!(1e-320),
+                json!(1e38),
+                json!(u64::MAX),
+            ];
+            *value = numbers[rng.random_range(0..numbers.len())].clone();
+        }
+        Value::String(_) if rng.random_bool(0.7) => {
+            let words = ["", "z", "-x", "walk", "stop", "Hips", "LeftLeg", "RightFoot", "nobody", "\u{0}"];
+            *value = json!(words[rng.random_range(0..words.len())]);
+        }
+        _ => {
+            let odd =
+                [Value::Null, json!(true), json!(3), json!("text"), json!([]), json!({}), json!([{"a": 1}])];
+            *value = odd[rng.random_range(0..odd.len())].clone();
+        }
+    }
+}
+
 fn change_text(bytes: &mut Vec<u8>, new_words: &[&str], rng: &mut Pcg64) {
     let words: Vec<(usize, usize)> = {
         let mut found = Vec::new();
@@ -268,26 +343,34 @@ fn build(path: &Path, mapping: Option<PathBuf>) -> Result<bool, String> {
 /// Ending of the mapping file that lies beside a capture.
 const MAPPING: &str = "oncue.json";
 
-/// All that a mapping file can say of a capture, a word for each piece of it.
-fn own_mapping() -> String {
-    let joints: Vec<String> = NAMES.iter().map(|name| format!("\"{name}\" : \"{name}\"")).collect();
-    format!(
-        "{{ \"exclude\" : false , \"up\" : \"y\" , \"rate\" : 30 , \"mapping\" : {{ {} }} , \"labels\" : [ {{ \"label\" : \
-         \"walk\" , \"first\" : 0 , \"end\" : 40 }} , {{ \"label\" : \"sit\" , \"first\" : 40 , \"end\" : 80 , \"complete\" : 70 \
-         }} ] }} ",
-        joints.join(" , ")
-    )
+/// All that a mapping file can say of a capture.
+fn own_mapping() -> Value {
+    let joints: BTreeMap<&str, &str> = NAMES.iter().map(|name| (*name, *name)).collect();
+    json!({
+        "exclude": false,
+        "up": "y",
+        "rate": 30,
+        "mapping": joints,
+        "labels": [
+            {"label": "walk", "first": 0, "end": 40},
+            {"label": "sit", "first": 40, "end": 80, "complete": 70},
+        ],
+    })
 }
 
 /// The same for all captures, and some of one of them.
-fn common_mapping() -> String {
-    let own = own_mapping();
-    let (common, _) = own.split_once(" , \"labels\"").expect("labels come last");
-    format!("{common} , \"files\" : {{ \"walk.bvh\" : {own} , \"b.bvh\" : {{ \"up\" : \"-x\" }} }} }} ")
+fn common_mapping() -> Value {
+    let mut all = own_mapping();
+    all["files"] = json!({"walk.bvh": own_mapping(), "b.bvh": {"up": "-x"}});
+    if let Value::Object(fields) = &mut all {
+        fields.remove("labels");
+    }
+    all
 }
 
 fn read_own_mapping(bytes: &[u8], scratch: &Path) -> Result<bool, String> {
-    let written = std::fs::write(scratch, capture()).and_then(|()| std::fs::write(scratch.with_extension(MAPPING), bytes));
+    let written = std::fs::write(scratch, capture())
+        .and_then(|()| std::fs::write(scratch.with_extension(MAPPING), bytes));
     written.map_err(|error| error.to_string())?;
     build(scratch, None)
 }
@@ -298,12 +381,6 @@ fn read_common_mapping(bytes: &[u8], scratch: &Path) -> Result<bool, String> {
     written.map_err(|error| error.to_string())?;
     let _ = std::fs::remove_file(scratch.with_extension(MAPPING));
     build(scratch, Some(path))
-}
-
-/// All settings, a word for each piece of them.
-fn settings() -> String {
-    let pretty = serde_json::to_string_pretty(&Settings::default()).expect("JSON");
-    pretty.replace(',', " ,").replace(':', " :")
 }
 
 fn read_settings(bytes: &[u8], _: &Path) -> Result<bool, String> {
