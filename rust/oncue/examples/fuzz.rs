@@ -47,6 +47,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let begun = Instant::now();
     let mut faults = 0;
     for kind in &kinds {
+        if kind.read_whole() != Ok(true) {
+            return Err(format!("the whole file of the kind {} is not read", kind.name).into());
+        }
         let parts: Vec<Counts> = (0..stretches)
             .into_par_iter()
             .map(|stretch| mutate::try_kind(kind, STRETCH, seed.wrapping_add((stretch as u64) << 20)))
