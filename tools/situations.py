@@ -31,7 +31,9 @@ sys.path.insert(0, str(ROOT))
 import addon  # noqa: E402
 from addon import native  # noqa: E402
 from addon.bridge import cue_objects, session  # noqa: E402
+from addon.bridge.second_blender import second_blender  # noqa: E402
 from addon.errors import SceneError  # noqa: E402
+from addon.pipeline import LibraryCache, LibraryChoice, library_steps, run_blocking  # noqa: E402
 
 FINE = "can be done"
 
@@ -405,6 +407,29 @@ def in_metres() -> str:
     return re.sub(r"OFFSET (\S+) (\S+) (\S+)", smaller, head) + motion + tail
 
 
+def exported(suffix: str) -> Path:
+    """The walk as an armature, as Blender exports it."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    folder = Path(tempfile.mkdtemp(prefix="oncue-situations-"))
+    source = folder / "walk.bvh"
+    source.write_text(walk(), encoding="utf-8")
+    bpy.ops.import_anim.bvh(filepath=str(source), global_scale=0.01)
+    path = folder / f"capture{suffix}"
+    if suffix == ".fbx":
+        bpy.ops.export_scene.fbx(filepath=str(path))
+    else:
+        bpy.ops.export_scene.gltf(filepath=str(path))
+    return path
+
+
+def without_armature() -> Path:
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    box("Box", (1, 1, 1), (0, 0, 0))
+    path = Path(tempfile.mkdtemp(prefix="oncue-situations-")) / "capture.glb"
+    bpy.ops.export_scene.gltf(filepath=str(path))
+    return path
+
+
 USED, LEFT_OUT = "is used", "is left out"
 
 CAPTURES = [
@@ -432,16 +457,22 @@ CAPTURES = [
     Situation("line ends of another system", lambda: walk().replace("\n", "\r\n"), r"is used \(walk"),
     Situation("decimal commas", lambda: walk().replace(".", ","), r"is used \(walk"),
     Situation("places in metres", in_metres, r"is used \(walk"),
+    Situation("the walk as .fbx", lambda: exported(".fbx"), r"is used \(walk"),
+    Situation("the walk as .glb", lambda: exported(".glb"), r"is used \(walk"),
+    Situation("a .glb without an armature", without_armature, "it holds no armature"),
 ]
 
 
 def capture_outcome(situation: Situation, folder: Path) -> tuple[str, bool]:
-    path = folder / "capture.bvh"
-    path.write_text(str(situation.make()), encoding="latin-1", newline="")
+    made = situation.make()
+    path = made if isinstance(made, Path) else folder / "capture.bvh"
+    if path is not made:
+        path.write_text(str(made), encoding="latin-1", newline="")
+    choice = LibraryChoice((str(path),), "all", "", second_blender())
     try:
-        _, captures = native.core.build_library([str(path)], {"starter": "all"}).result()
-    except native.core.OncueError as error:
-        said = f"{LEFT_OUT}: {str(error).replace(str(folder) + '/', '')}"
+        _, captures = run_blocking(library_steps(choice, LibraryCache()))
+    except native.expected_errors() as error:
+        said = f"{LEFT_OUT}: {str(error).replace(str(path.parent) + '/', '')}"
     else:
         (capture,) = captures
         gave = ", ".join(f"{label} {seconds:.1f} s" for label, seconds in capture["seconds"].items() if seconds >= 0.1)
