@@ -425,8 +425,7 @@ def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps[BuiltLibr
 
 def _readable(mocap: list[str], foreign: list[Path], converted: Converted) -> list[str]:
     """What the core reads of files and folders, and of what was made of others. Raises SceneError for nothing."""
-    only_foreign = {path for path in mocap if is_foreign(Path(path)) or (foreign and not _holds_bvh(Path(path)))}
-    readable = [*(path for path in mocap if path not in only_foreign), *converted.sources]
+    readable = [*(path for path in mocap if not _is_all_foreign(path)), *converted.sources]
     if mocap and not readable:
         first = converted.left_out[0]
         raise SceneError(
@@ -436,8 +435,12 @@ def _readable(mocap: list[str], foreign: list[Path], converted: Converted) -> li
     return readable
 
 
-def _holds_bvh(path: Path) -> bool:
-    return not path.is_dir() or any(file.suffix.lower() == ".bvh" for file in path.rglob("*"))
+def _is_all_foreign(path: str) -> bool:
+    """Whether a file, or all captures of a folder, are of another format. A folder of none is the core's to refuse."""
+    there = Path(path)
+    if not there.is_dir():
+        return is_foreign(there)
+    return bool(foreign_files([path])) and not any(file.suffix.lower() == ".bvh" for file in there.rglob("*"))
 
 
 def finish(job: core.Job[T]) -> Steps[T]:

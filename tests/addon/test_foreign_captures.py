@@ -276,9 +276,16 @@ def test_what_gives_nothing_is_named(oncue, context, core, walker, tmp_path):
     assert reasons["text.fbx"].startswith("Blender could not import it: ")
     assert reasons["torn.glb"].startswith(("Blender could not import it: ", "Blender could not read it: "))
     assert all("\n" not in reason and reason.endswith(".") for reason in reasons.values())
+    # A folder that holds nothing is not passed over because another one holds such files.
+    (tmp_path / "empty").mkdir()
+    settings = bpy.context.scene.oncue
+    for path in (tmp_path / "walk.glb", tmp_path / "empty"):
+        settings.library_paths.add().path = str(path)
+    with pytest.raises(RuntimeError, match=r"empty holds no \.bvh files"):
+        bpy.ops.oncue.read_library()
+    settings.library_paths.clear()
     # A folder of such files alone is refused as one of bad .bvh files is.
     (tmp_path / "walk.glb").unlink()
-    settings = bpy.context.scene.oncue
     settings.library_paths.add().path = str(tmp_path)
     with pytest.raises(RuntimeError, match=r"None of the 3 motion capture files could be used; cube\.glb: it holds"):
         bpy.ops.oncue.read_library()

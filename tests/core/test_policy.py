@@ -63,6 +63,10 @@ def test_robustness_counts_starts(bench_scene, starter, bench_task):
     assert len(met) > 3
     assert all(0 <= m <= 2 for m in met)
     assert figures["ratio"] == pytest.approx(sum(m >= 1 for m in met) / len(met))
+    # A grid of no width has no end.
+    for spacing in (0.0, 1e30):
+        with pytest.raises(InputError, match=r"robustness\.spacing"):
+            oncue_core.robustness(bench_scene, starter, Policy.prior(), bench_task, None, {"spacing": spacing}).result()
     paper = oncue_core.default_settings("paper")
     with pytest.raises(InputError, match="other settings"):
         oncue_core.robustness(bench_scene, starter, Policy.prior(), bench_task, paper).result()
