@@ -240,6 +240,39 @@ def test_slots_are_taken_apart(oncue, context, walker):
         assert off(seen.heads[[0, 59]][:, index], expected) < 1e-4
 
 
+def test_of_a_rig_what_carries_the_body_is_read(oncue, context, walker):
+    """Neither its controls nor the bones of its mechanics, but for those in which limbs meet."""
+    rig = walker()
+    context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = rig.data.edit_bones
+    over = {name: bones.new(name) for name in ("root", "MCH-hips", "control", "MCH-foot")}
+    for bone in over.values():
+        bone.tail, bone.use_deform = (0, 0, 0.2), False
+    bones["Hips"].parent = over["root"]
+    # The thighs hang from a bone that carries nothing, as in many rigs; so does a foot, alone.
+    over["MCH-hips"].parent, over["control"].parent = bones["Hips"], over["root"]
+    bones["LeftUpLeg"].parent = bones["RightUpLeg"].parent = over["MCH-hips"]
+    over["MCH-foot"].parent = bones["LeftLeg"]
+    bones["LeftFoot"].parent = over["MCH-foot"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    motions = oncue("bridge.armature_motion")
+    (take,) = motions.armature_actions(rig)
+    read = motions.bone_motion(context.scene, take)
+    carrying = {bone.name for bone in rig.data.bones if bone.use_deform}
+    assert set(read.names) == carrying | {"MCH-hips"}
+    parent = {name: read.names[up] if up >= 0 else None for name, up in zip(read.names, read.parents, strict=True)}
+    assert parent["Hips"] is None
+    assert parent["MCH-hips"] == "Hips"
+    assert parent["LeftUpLeg"] == parent["RightUpLeg"] == "MCH-hips"
+    assert parent["LeftFoot"] == "LeftLeg"
+    assert all(up < own for own, up in enumerate(read.parents))
+    # Where few bones carry anything all of them are the skeleton.
+    for bone in rig.data.bones:
+        bone.use_deform = bone.name == "Hips"
+    assert len(motions.bone_motion(context.scene, take).names) == len(rig.data.bones)
+
+
 def test_an_armature_without_legs_is_named(oncue, context, core, tmp_path):
     data = bpy.data.armatures.new("Crane")
     crane = bpy.data.objects.new("Crane", data)
