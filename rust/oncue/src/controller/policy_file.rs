@@ -42,6 +42,17 @@ pub struct PolicyOrigin {
     pub success_rate: f32,
 }
 
+impl PolicyOrigin {
+    /// Whether its numbers are some that a run leaves.
+    fn is_sound(&self) -> bool {
+        let is_cue = |cue: &ActionCue| {
+            let places = std::iter::once(&cue.position).chain(cue.feet.iter().flatten());
+            cue.yaw.is_finite() && places.into_iter().all(|place| place.is_finite())
+        };
+        (0.0..=1.0).contains(&self.success_rate) && self.cues.iter().all(is_cue)
+    }
+}
+
 /// A policy with what its numbers mean and what it was made for.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StoredPolicy {
@@ -177,7 +188,7 @@ impl StoredPolicy {
         };
         stored_settings(&kept).map_err(|_| FILE.damaged(file))?;
         let (state, vector) = (super::state::state_size(&kept.state), kept.signal.vector_size());
-        if !kept.policy.is_consistent() || kept.policy.log_std.len() != vector {
+        if !kept.origin.is_sound() || !kept.policy.is_consistent() || kept.policy.log_std.len() != vector {
             return Err(FILE.damaged(file));
         }
         if kept.policy.sizes() != (state, TYPE_COUNT + vector) {
@@ -267,6 +278,20 @@ mod tests {
         assert!(sentence(&wrong.to_bytes()).contains("damaged"));
         let mut wrong = kept();
         wrong.signal.reach = f32::NAN;
+        assert!(sentence(&wrong.to_bytes()).contains("damaged"));
+        let mut wrong = kept();
+        wrong.origin.success_rate = f32::NAN;
+        assert!(sentence(&wrong.to_bytes()).contains("damaged"));
+        let mut wrong = kept();
+        let position = glam::Vec3::new(1.0, f32::INFINITY, 0.0);
+        let cue = ActionCue {
+            name: "Cue".into(),
+            action_type: crate::ActionType::Stop,
+            position,
+            yaw: 0.0,
+            feet: [None; 2],
+        };
+        wrong.origin.cues.push(cue);
         assert!(sentence(&wrong.to_bytes()).contains("damaged"));
         let mut wrong = kept();
         wrong.policy.policy.parameters[3] = f32::NAN;
