@@ -13,8 +13,7 @@ use crate::controller::{
 use crate::cue::Task;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
-use crate::figures::{BodyFigures, Surroundings, body_figures};
-use crate::figures::{StyleValues, Surroundings, body_figures, pose_distance_figures};
+use crate::figures::{BodyFigures, StyleValues, Surroundings, body_figures, pose_distance_figures};
 use crate::library::Segment;
 use crate::library::database::MotionDatabase;
 use crate::manifold::Manifold;
