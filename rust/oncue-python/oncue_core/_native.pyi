@@ -443,11 +443,11 @@ def measure_motion(
     moving: Sequence[MovingObject] = ...,
     wait: int = 0,
 ) -> Job[Measured]:
-    """What a report tells of a motion's looks, of any motion for the task: how it meets its cue at the frame `complete`,
-    how the feet stand, and what an eye sees.
+    """What a report tells of any motion for the task: how it meets its cue at the frame `complete`, how the feet stand,
+    and what an eye sees.
 
     `action_from`: the frame from which on the person sits down, after which the seat is no obstacle. `scene`: what
-    stays where it is. `moving`: what does not, which `penetration` counts where it stands `wait` frames after each frame.
+    stays where it is. `moving`: what does not, which `penetration` counts where it stands `wait` frames after each.
     InputError for arrays of another shape, malformed tasks and unknown settings at once.
     """
 

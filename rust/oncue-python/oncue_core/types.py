@@ -586,7 +586,7 @@ class PenetrationFigures(TypedDict):
 
 
 class Meeting(TypedDict):
-    """A moving object that the body runs into: on `frames` of those from `first` to before `end`, deepest in `frame`."""
+    """A moving object that the body runs into: on `frames` of `first` to before `end`, deepest in `frame`."""
 
     object: str
     part: str
