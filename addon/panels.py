@@ -142,6 +142,7 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         layout.prop(settings, "seed")
+        layout.prop(settings, "liveliness", slider=True)
         row = layout.row(align=True)
         row.prop(settings, "start_frame")
         row.prop(settings, "starts_with_shot", text="", icon="PREVIEW_RANGE")

@@ -116,6 +116,14 @@ class OncueSettings(bpy.types.PropertyGroup):
     seed: IntProperty(
         name="Seed", description="The same seed gives the same motion; another one another take", min=0, default=1
     )
+    liveliness: FloatProperty(
+        name="Liveliness",
+        description="From calm (-1) to lively (1): the pace, and how much moves in sitting down and in coming to stand",
+        min=-1.0,
+        max=1.0,
+        default=0.0,
+        step=10,
+    )
     start_frame: IntProperty(
         name="Start Frame",
         description="Frame of the first key; where none is chosen, the first of the shot",

@@ -101,7 +101,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         notes = taken_as_it_stands(context, meshes)
     if manipulations:
         task["manipulations"] = manipulations
-    overrides = read_overrides(settings.overrides)
+    overrides = overrides_of(settings)
     request = Request(
         positions,
         triangles,
@@ -124,7 +124,7 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
     """A request with the cues and settings as they are now, hands aside, and its scene as it was. Raises SceneError."""
     settings = context.scene.oncue
     file_state.check_scene(context.scene)
-    task, overrides = read_task(context, settings.scene_scale), read_overrides(settings.overrides)
+    task, overrides = read_task(context, settings.scene_scale), overrides_of(settings)
     return replace(
         request,
         task=task,
@@ -156,7 +156,7 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple
         constraints,
         floor_of(report, motion, core.skeleton()),
         preset=settings.preset,
-        overrides=read_overrides(settings.overrides),
+        overrides=overrides_of(settings),
         manifold=manifold_path(context.scene),
         start_frame=take.solved.start_frame,
         scene_rate=take.solved.scene_rate,
@@ -267,6 +267,15 @@ def still_hindered(context: bpy.types.Context, words: str) -> bool:
     except (SceneError, LookupError) as error:
         return str(error) == words
     return False
+
+
+def overrides_of(settings) -> dict:
+    """All settings of a scene that depart from the preset; what is written there comes before the slider. Raises SceneError."""
+    overrides = read_overrides(settings.overrides)
+    kept = overrides.get("kept", {})
+    if settings.liveliness and isinstance(kept, dict):
+        overrides["kept"] = {"liveliness": round(settings.liveliness, 3), **kept}
+    return overrides
 
 
 def read_overrides(text: str) -> dict:

@@ -57,6 +57,19 @@ def test_the_main_job(stool, oncue, core):
     assert len(keys) == 3 + 4 * 22
 
 
+def test_the_slider_of_liveliness_is_a_setting_of_the_core(stool, oncue, core):
+    session, settings = oncue("bridge.session"), stool.scene.oncue
+    assert session.overrides_of(settings) == session.read_overrides(settings.overrides)
+    settings.overrides = '{"kept": {"takes": 1}}'
+    settings.liveliness = 0.25
+    assert session.overrides_of(settings) == {"kept": {"takes": 1, "liveliness": 0.25}}
+    merged = oncue("pipeline").merged(core.default_settings("default"), session.overrides_of(settings))
+    assert merged["kept"]["liveliness"] == 0.25
+    # What is written there comes first.
+    settings.overrides = '{"kept": {"liveliness": -1}}'
+    assert session.overrides_of(settings) == {"kept": {"liveliness": -1}}
+
+
 def test_a_run_that_cannot_be_leaves_the_file_as_it_was(fixtures, core):
     fixtures.enclosed_seat()
     set_quick(bpy.context.scene)
