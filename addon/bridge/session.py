@@ -270,7 +270,7 @@ def still_hindered(context: bpy.types.Context, words: str) -> bool:
 
 
 def overrides_of(settings) -> dict:
-    """All settings of a scene that depart from the preset; what is written there comes before the slider. Raises SceneError."""
+    """What departs from the preset; what is written comes before the slider. Raises SceneError."""
     overrides = read_overrides(settings.overrides)
     kept = overrides.get("kept", {})
     if settings.liveliness and isinstance(kept, dict):
