@@ -10,7 +10,7 @@ use crate::progress::Progress;
 
 /// References handed to obvhs at once: about 30 ms of work, so that a cancel is seen in time.
 const REFERENCE_CHUNK: usize = 32_768;
-/// The same of references many of which have one box: obvhs clusters these in a time that grows with their square.
+/// The same of references many of which have one box: obvhs (0.4.0) clusters these in a time that grows with their square.
 const ALIKE_CHUNK: usize = 512;
 /// Of a chunk so many references are looked at, spread over it; it is alike where so many of them have one box.
 const LOOKED_AT: usize = 256;
