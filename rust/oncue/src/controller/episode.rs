@@ -100,7 +100,7 @@ pub struct Tally {
     pub own_depth: f32,
     /// How deep the deepest part is in the scene in the posture that is held, metres.
     pub held_depth: f32,
-    /// How far from the take's own taste it is, see [`super::taste`].
+    /// How far from the take's own taste it is, see `taste`.
     pub taste: usize,
     /// Pelvis to the cue at the end, metres, and facing, radians.
     pub residual: f32,
