@@ -92,10 +92,19 @@ fn arms_turn_aside_between_two_cupboards() {
     let weights = settings.synthesizer.weights.clone();
     let database = MotionDatabase::build(&library, &weights, &progress).expect("a database");
     settings.ppo.prior = false;
+    // The best there is, whatever the take.
+    settings.kept.takes = 1;
     let mut walk = |posture_offset: bool, seed: u64| {
         settings.signal.posture_offset = posture_offset;
         let done = synthesize(&scene, &database, &task, None, &settings, seed, &progress).expect("a motion");
-        assert!(done.report.success, "{:?}", done.report.problems);
+        let report = done.report;
+        println!("seed {seed}, posture offset {posture_offset}: {:?}", report.problems);
+        // Arms that may not turn aside brush the cupboards, and the report says so.
+        assert!(
+            report.cues.iter().all(|cue| cue.met) && (report.success || !posture_offset),
+            "{:?}",
+            report.problems
+        );
         arms(&scene, &done.motion)
     };
     let mut frames = [0, 0];
@@ -104,7 +113,7 @@ fn arms_turn_aside_between_two_cupboards() {
         println!("seed {seed}: with the posture offset {with:?}, without {without:?}");
         assert!(with.other_frames == 0 && without.other_frames == 0, "{with:?} {without:?}");
         // Without it the arms brush the cupboards, as there is no other way; with it they are clear or nearly so.
-        assert!(with.frames <= 3 && with.crossings < without.crossings, "{with:?} {without:?}");
+        assert!(2 * with.frames <= without.frames && with.crossings < without.crossings, "{with:?} {without:?}");
         frames[0] += with.frames;
         frames[1] += without.frames;
     }

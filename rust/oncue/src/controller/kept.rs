@@ -14,6 +14,7 @@ use super::policy::{Draw, Gaussian, Policy, TYPE_COUNT, draw};
 use super::signal::OFFSET_SIZE;
 use crate::anatomy::DEEP;
 use crate::error::Result;
+use crate::figures::{Surroundings, body_figures};
 use crate::math::Planar;
 use crate::motion::{FRAME_RATE, Motion};
 use crate::nn::Activations;
@@ -23,6 +24,8 @@ use crate::synthesizer::unhurried;
 
 /// A way that is longer than this, or that there is none, counts as this long, metres.
 const FARTHEST_WAY: f32 = 50.0;
+/// So many of the best are looked at with the body's whole girth after each round.
+const LOOKED_AT: usize = 8;
 /// Farther than this no taste is from the take's own.
 const FARTHEST_TASTE: usize = 8;
 /// How much of the last decision's a^offset stays where the way is narrowest: arms that are past something stay so.
@@ -60,6 +63,8 @@ struct Candidate {
     tally: Tally,
     /// Lower is better.
     cost: f32,
+    /// Whether the cost has what the report would say in it.
+    looked_at: bool,
 }
 
 /// Plays the policy from the task's start and keeps the best motion.
@@ -87,7 +92,8 @@ pub fn keep_motion(
             .filter(|_| !progress.is_cancelled())
             .map(|i| {
                 let own = rollout_seed(seed, round as u64, i);
-                let Some(branch) = best.get(i as usize % best.len().max(1)) else {
+                let branches = best.len().min(settings.branches.max(1));
+                let Some(branch) = best.get(i as usize % branches.max(1)) else {
                     // The first is the policy's mean.
                     let taste = if choosing { environment.taste_of(i) } else { usize::MAX };
                     let begun = Begun { seed: own, draws: &[], taste };
@@ -106,7 +112,10 @@ pub fn keep_motion(
         best.extend(played);
         // Stable: of equals the earlier stays first.
         best.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        best.truncate(settings.branches.max(1));
+        best.truncate(settings.branches.max(LOOKED_AT));
+        if choosing {
+            look_at(environment, &mut best);
+        }
     }
     let best = best.into_iter().next().ok_or(crate::error::Error::Cancelled)?;
     let best = if choosing { spare_arms(environment, policy, &map, best, progress)? } else { best };
@@ -124,6 +133,32 @@ pub fn keep_motion(
         rollouts,
         succeeded,
     })
+}
+
+/// Looks at the best candidates as an eye does: what the report would say of them adds to their cost.
+///
+/// While rollouts are played the body is its thin boxes, as the paper has it; an eye sees it with its girth. To look at every
+/// rollout so would take longer than to play it.
+fn look_at(environment: &Environment, best: &mut [Candidate]) {
+    best.par_iter_mut().take(LOOKED_AT).filter(|candidate| !candidate.looked_at).for_each(|candidate| {
+        candidate.looked_at = true;
+        if environment.succeeded(candidate.end, &candidate.tally) {
+            let problems = problems_of(environment, candidate);
+            candidate.cost += environment.settings.kept.weights.problem * problems as f32;
+        }
+    });
+    best.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+}
+
+/// How much an eye would object to in a candidate's motion.
+fn problems_of(environment: &Environment, candidate: &Candidate) -> usize {
+    let settings = environment.settings;
+    let episode = record(environment, candidate).0;
+    let seat = episode.action_from.zip(environment.task.cue.seat_height());
+    let ignore_below = settings.reward.ignore_below;
+    let surroundings = Surroundings { scene: environment.scene, ignore_below, seat };
+    let motion = episode.record.unwrap_or_default();
+    body_figures(&motion, episode.character.floor, Some(&surroundings)).problems(&settings.report).len()
 }
 
 /// The seed of a rollout's own draws. Mixed, so that neighbouring seeds of a request share no rollouts (SplitMix64's
@@ -176,7 +211,15 @@ fn play(
         environment.hold(&mut episode);
     }
     let cost = cost(environment, end, &episode);
-    Candidate { seed: begun.seed, draws, taste: begun.taste, end, tally: episode.tally, cost }
+    Candidate {
+        seed: begun.seed,
+        draws,
+        taste: begun.taste,
+        end,
+        tally: episode.tally,
+        cost,
+        looked_at: false,
+    }
 }
 
 /// Plays `draws`, then what the policy draws, which is added to them, until the episode ends.
@@ -379,6 +422,7 @@ mod tests {
             in_own_body: 0.33,
             own_depth: 1.9,
             held_depth: 97.0,
+            problem: 3.7,
             taste: 1.35,
         }
     }

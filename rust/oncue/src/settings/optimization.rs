@@ -215,6 +215,8 @@ pub struct CostWeights {
     pub own_depth: f32,
     /// How deep the held posture is in the scene, per metre beyond the first centimetre.
     pub held_depth: f32,
+    /// Each thing that the report would say of the body in the motion as it is played, among the best.
+    pub problem: f32,
     /// Each step away from the take's own taste.
     pub taste: f32,
 }
@@ -250,6 +252,7 @@ impl CostWeights {
                 in_own_body: ANY,
                 own_depth: ANY,
                 held_depth: ANY,
+                problem: ANY,
                 taste: ANY,
             },
             free {}
@@ -283,7 +286,8 @@ impl Default for CostWeights {
             in_own_body: 0.05,
             own_depth: 2.0,
             held_depth: 200.0,
-            taste: 3.0,
+            problem: 3.0,
+            taste: 0.5,
         }
     }
 }
