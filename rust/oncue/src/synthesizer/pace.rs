@@ -15,7 +15,7 @@ const MOST_TURN: f32 = 1.75;
 /// Steps over which that is measured: so many before and after the one between two frames.
 const TURN_AROUND: usize = 2;
 /// How often the pace is corrected.
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 16;
 /// Frames to either side in which the pace changes.
 const EASE: usize = 5;
 /// Of a frame: nearer than this to one of the motion's it is that one.
