@@ -99,13 +99,14 @@ pub struct FrameMatch {
 pub struct TurnLimits {
     /// 99.9th percentile of the joint's turn in a frame, radians.
     pub usual: [f32; JOINT_COUNT],
-    /// Cosine of half of it: what rules nearly all turns out without an arc function.
+    /// Cosine of half of it, and what rounding may add: what rules nearly all turns out without an arc function.
     half_cosine: [f32; JOINT_COUNT],
 }
 
 impl TurnLimits {
     pub fn new(usual: [f32; JOINT_COUNT]) -> Self {
-        Self { usual, half_cosine: usual.map(|turn| (0.5 * turn).cos()) }
+        // A turn of a quarter of a degree differs from none in the last digits of its cosine alone.
+        Self { usual, half_cosine: usual.map(|turn| (0.5 * turn).cos() + 4.0 * f32::EPSILON) }
     }
 
     /// `to`, or as much of the way there from `from` as the joint turns at the most; `None` where that is all of it.
@@ -117,6 +118,9 @@ impl TurnLimits {
         // A thousandth less, for what rounding adds.
         let most = 0.999 * self.usual[joint];
         let turn = to_angle_axis(to * from.inverse());
+        if turn.length() <= self.usual[joint] {
+            return None;
+        }
         Some((from_angle_axis(turn.clamp_length_max(most)) * from).normalize())
     }
 
@@ -387,7 +391,19 @@ fn clip_frames(clip_index: usize, clip: &super::clip::Clip) -> (Vec<DatabaseFram
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::test_world::{database, frame_of};
+
+    #[test]
+    fn the_smallest_turns_are_told_apart() {
+        // A collar bone that turns a quarter of a degree in a frame at the most.
+        let limits = TurnLimits::new([0.004; JOINT_COUNT]);
+        for (turn, ratio) in [(0.0039, 1.0), (0.00404, 1.01), (0.0041, 1.025)] {
+            let to = Quat::from_rotation_y(turn);
+            assert!((limits.ratio(3, Quat::IDENTITY, to) - ratio).abs() < 2e-3, "{turn}");
+            assert_eq!(limits.slowed_down(3, Quat::IDENTITY, to).is_some(), ratio > 1.0, "{turn}");
+        }
+    }
 
     #[test]
     fn frames_until_a_foot_stands_count_down_to_it() {
