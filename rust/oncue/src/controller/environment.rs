@@ -86,7 +86,7 @@ impl<'a> Environment<'a> {
     /// For the take with this seed, see `taste`.
     pub fn of_take(self, seed: u64) -> Self {
         let height = self.task.cue.pelvis_height().map(|z| z - self.task.start.position.z);
-        let tastes = Taste::all_of_take(self.database, seed, height, &self.settings.kept);
+        let tastes = Taste::all_of_take(self.database, seed, height, self.settings);
         Self { tastes, ..self }
     }
 

@@ -14,7 +14,7 @@ use crate::action::{ActionType, FutureKind};
 use crate::library::database::MotionDatabase;
 use crate::library::feature::{PoseFeature, VELOCITY};
 use crate::motion::Joint;
-use crate::settings::KeptSettings;
+use crate::settings::{KeptSettings, Settings};
 
 /// How much faster or slower one take walks than the next, as a part of the pace.
 const PACE_VARIES: f32 = 0.06;
@@ -23,8 +23,6 @@ const LIVELY_PACE: f32 = 0.15;
 
 /// How many of the next seeds' tastes are followed by some of a take's rollouts.
 const OTHERS: usize = 2;
-/// A sit that ends farther from the height of the seat is not entered there, metres (`synthesizer.refuse_height`).
-const ABOUT_AS_HIGH: f32 = 0.08;
 /// How often the means are taken anew.
 const ROUNDS: usize = 10;
 
@@ -44,39 +42,52 @@ impl Default for Taste {
     }
 }
 
+/// How the clips of a library are shared out among the takes of a task.
+struct Shares {
+    /// See [`by_liveliness`].
+    lively: Vec<f32>,
+    /// Of the walks: the take that passes a clip over.
+    walks: Vec<usize>,
+    /// Of each action type that completes: the take that enters a clip. Who ends too high or too low is nobody's.
+    endings: [BTreeMap<u32, usize>; ActionType::COUNT],
+}
+
+impl Shares {
+    fn new(database: &MotionDatabase, height: Option<f32>, settings: &Settings) -> Self {
+        let takes = settings.kept.takes.max(1);
+        let lively = by_liveliness(&clip_motion(database));
+        let part = |clip: usize| Pcg64::seed_from_u64(clip as u64).random_range(0..takes);
+        let endings = std::array::from_fn(|at| match ActionType::ALL[at].spec().future {
+            FutureKind::Path => BTreeMap::new(),
+            FutureKind::Completion => {
+                let about = height.map(|height| (height, settings.synthesizer.refuse_height));
+                shared_out(&endings(database, ActionType::ALL[at], about), takes)
+            }
+        });
+        Self { walks: (0..lively.len()).map(part).collect(), lively, endings }
+    }
+}
+
 impl Taste {
-    /// The taste of the take with this seed, for an action that ends with the pelvis `height` metres over the floor, where that
-    /// matters.
-    pub(crate) fn of_take(
-        database: &MotionDatabase,
-        seed: u64,
-        height: Option<f32>,
-        settings: &KeptSettings,
-    ) -> Self {
+    /// The taste of the take with this seed.
+    fn of_take(database: &MotionDatabase, seed: u64, shares: &Shares, settings: &KeptSettings) -> Self {
         let liveliness = settings.liveliness;
         let takes = settings.takes.max(1);
         // Consecutive seeds share the clips out among them.
         let own = (seed % takes as u64) as usize;
-        let lively = by_liveliness(&clip_motion(database));
         let liked = (liveliness.max(0.0) / 2.0, 1.0 + liveliness.min(0.0) / 2.0);
-        let liked = |clip: u32| (liked.0..=liked.1).contains(&lively[clip as usize]);
+        let liked = |clip: u32| (liked.0..=liked.1).contains(&shares.lively[clip as usize]);
         let passed_over = std::array::from_fn(|at| {
             let action_type = ActionType::ALL[at];
-            let clip = |frame: &u32| database.frames[*frame as usize].clip;
-            let entries = database.entries(action_type).iter();
+            let clips =
+                database.entries(action_type).iter().map(|frame| database.frames[*frame as usize].clip);
             match action_type.spec().future {
-                // Another part of the walks is passed over by each seed.
-                FutureKind::Path => entries
-                    .map(|frame| {
-                        let part = Pcg64::seed_from_u64(u64::from(clip(frame))).random_range(0..takes);
-                        takes > 1 && part == own
-                    })
-                    .collect(),
+                FutureKind::Path => {
+                    clips.map(|clip| takes > 1 && shares.walks[clip as usize] == own).collect()
+                }
                 FutureKind::Completion => {
-                    let share = shared_out(&endings(database, action_type, height), takes);
-                    // What ends too high or too low is entered by nobody.
-                    let owner = |clip: u32| share.get(&clip).copied().unwrap_or(own);
-                    entries.map(|frame| owner(clip(frame)) != own || !liked(clip(frame))).collect()
+                    let owner = |clip: u32| shares.endings[at].get(&clip).copied().unwrap_or(own);
+                    clips.map(|clip| owner(clip) != own || !liked(clip)).collect()
                 }
             }
         });
@@ -85,20 +96,20 @@ impl Taste {
         Self { passed_over, pace: 1.0 + varied + LIVELY_PACE * liveliness }
     }
 
-    /// The tastes that rollouts of a take follow: its own, those of the next seeds, and none; none alone where all takes are
-    /// alike.
+    /// The tastes that rollouts of the take with this seed follow, for an action that ends with the pelvis `height` metres over
+    /// the floor, where that matters: its own, those of the next seeds, and none; none alone where all takes are alike.
     pub(crate) fn all_of_take(
         database: &MotionDatabase,
         seed: u64,
         height: Option<f32>,
-        settings: &KeptSettings,
+        settings: &Settings,
     ) -> Vec<Self> {
+        let kept = &settings.kept;
         let mut tastes = Vec::new();
-        if settings.takes > 1 || settings.liveliness != 0.0 {
-            let others = OTHERS.min(settings.takes - 1) as u64;
-            tastes.extend(
-                (0..=others).map(|n| Self::of_take(database, seed.wrapping_add(n), height, settings)),
-            );
+        if kept.takes > 1 || kept.liveliness != 0.0 {
+            let shares = Shares::new(database, height, settings);
+            let others = OTHERS.min(kept.takes - 1) as u64;
+            tastes.extend((0..=others).map(|n| Self::of_take(database, seed.wrapping_add(n), &shares, kept)));
         }
         tastes.push(Self::default());
         tastes
@@ -111,18 +122,19 @@ impl Taste {
 }
 
 /// The posture in which each clip's action ends, of an action type that completes: the upper body from the pelvis, and where
-/// the feet stand beside and before it, metres. By clip; where there is a `height`, only of those that end about there.
+/// the feet stand beside and before it, metres. By clip; `about`: only of those that end at this height of the pelvis or so
+/// far from it, metres.
 fn endings(
     database: &MotionDatabase,
     action_type: ActionType,
-    height: Option<f32>,
+    about: Option<(f32, f32)>,
 ) -> BTreeMap<u32, Vec<f32>> {
     let mut endings = BTreeMap::new();
     for &frame in database.entries(action_type) {
         let frame = frame as usize;
         let end = frame + usize::from(database.frames[frame].until_complete);
         let posture = &database.frames[end].posture;
-        if height.is_some_and(|height| (posture.root_position.z - height).abs() > ABOUT_AS_HIGH) {
+        if about.is_some_and(|(height, most)| (posture.root_position.z - height).abs() > most) {
             continue;
         }
         endings.entry(database.frames[frame].clip).or_insert_with(|| {
@@ -211,8 +223,14 @@ mod tests {
     use super::*;
     use crate::test_world::{SITS_AT, clip_of, database};
 
-    fn settings(takes: usize, liveliness: f32) -> KeptSettings {
-        KeptSettings { takes, liveliness, ..KeptSettings::default() }
+    fn settings(takes: usize, liveliness: f32) -> Settings {
+        let kept = KeptSettings { takes, liveliness, ..KeptSettings::default() };
+        Settings { kept, ..Settings::default() }
+    }
+
+    /// The take's own taste.
+    fn own(seed: u64, settings: &Settings) -> Taste {
+        Taste::all_of_take(database(), seed, None, settings).swap_remove(0)
     }
 
     /// The clips that are entered for an action.
@@ -233,9 +251,7 @@ mod tests {
     fn seeds_beside_each_other_share_out_the_sits() {
         let database = database();
         for round in 0..6u64 {
-            let takes: Vec<Taste> = (0..3)
-                .map(|own| Taste::of_take(database, 3 * round + own, None, &settings(3, 0.0)))
-                .collect();
+            let takes: Vec<Taste> = (0..3).map(|share| own(3 * round + share, &settings(3, 0.0))).collect();
             for action_type in [ActionType::Sit, ActionType::Stop] {
                 let entries = database.entries(action_type).len();
                 for entry in 0..entries {
@@ -260,7 +276,7 @@ mod tests {
         let all = Taste::all_of_take(database(), 7, None, &settings(5, 0.0));
         assert_eq!(all.len(), 4);
         assert!(all[..3].iter().all(|taste| taste.pace != 1.0) && all[3].pace == 1.0);
-        let next = Taste::of_take(database(), 8, None, &settings(5, 0.0));
+        let next = own(8, &settings(5, 0.0));
         assert_eq!(all[1].passed_over(ActionType::Stop), next.passed_over(ActionType::Stop));
         // Those who share with one other, and those who are only livelier.
         assert_eq!(Taste::all_of_take(database(), 7, None, &settings(2, 0.0)).len(), 3);
@@ -271,8 +287,8 @@ mod tests {
     fn only_what_ends_as_high_is_shared_out() {
         let ends = endings(database(), ActionType::Sit, None);
         assert!(!ends.is_empty());
-        assert_eq!(endings(database(), ActionType::Sit, Some(SITS_AT)).len(), ends.len());
-        assert!(endings(database(), ActionType::Sit, Some(SITS_AT + 0.09)).is_empty());
+        assert_eq!(endings(database(), ActionType::Sit, Some((SITS_AT, 0.08))).len(), ends.len());
+        assert!(endings(database(), ActionType::Sit, Some((SITS_AT + 0.09, 0.08))).is_empty());
     }
 
     #[test]
@@ -287,10 +303,7 @@ mod tests {
         // Who walks moves head and hands at the pace, who stands does not.
         assert!((motion[of("walk")] - 1.2).abs() < 0.05 && motion[of("stand")] < 0.01, "{motion:?}");
         assert!(place[of("walk")] > place[of("stand")]);
-        let (calm, lively) = (
-            Taste::of_take(database(), 1, None, &settings(1, -1.0)),
-            Taste::of_take(database(), 1, None, &settings(1, 1.0)),
-        );
+        let (calm, lively) = (own(1, &settings(1, -1.0)), own(1, &settings(1, 1.0)));
         assert!((calm.pace - 0.85).abs() < 1e-6 && (lively.pace - 1.15).abs() < 1e-6);
         for action_type in [ActionType::Sit, ActionType::Stop] {
             let lowest = |taste: &Taste| {
