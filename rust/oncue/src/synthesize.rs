@@ -93,7 +93,8 @@ pub fn synthesize_along(
     let complete = kept.complete;
     let mut motion = std::mem::take(&mut kept.motion);
     let mut edited = if settings.editor.fit && kept.end == EpisodeEnd::Complete {
-        Some(edit_for_task(&mut motion, task, complete, scene, manifold, &settings.editor, progress)?)
+        let around = Surroundings::of(scene, &task.cue, kept.action_from, settings);
+        Some(edit_for_task(&mut motion, task, complete, &around, manifold, &settings.editor, progress)?)
     } else {
         None
     };
@@ -209,7 +210,7 @@ pub fn measure(
     let floor = task.start.position.z;
     let seat = action_from.zip(task.cue.seat_height());
     let ignore_below = settings.reward.ignore_below;
-    let surroundings = around.scene.map(|scene| Surroundings { scene, ignore_below, seat });
+    let surroundings = around.scene.map(|scene| Surroundings::of(scene, &task.cue, action_from, settings));
     let cues: Vec<_> = residual(&task.cue, motion, complete).into_iter().collect();
     let body = body_figures(motion, floor, surroundings.as_ref());
     let mut problems = missed(&cues);

@@ -40,6 +40,13 @@ static ARM_PAIRS: LazyLock<[Vec<(usize, usize)>; 2]> = LazyLock::new(|| {
     })
 });
 
+/// Of these the pairs of both legs, and of a thigh and the trunk.
+static LEG_PAIRS: LazyLock<Vec<(usize, usize)>> = LazyLock::new(|| {
+    let is_arm = |i: usize| SHAPES[i].part.is_arm();
+    let is_leg = |i: usize| SHAPES[i].part >= BodyPart::LeftThigh;
+    PAIRS.iter().copied().filter(|&(i, j)| (is_leg(i) || is_leg(j)) && !is_arm(i) && !is_arm(j)).collect()
+});
+
 /// How deep the arm of a side is in the own body, beyond what flesh gives, metres; 0 where it is free.
 pub(crate) fn arm_depth(pose: &Pose, side: usize) -> f32 {
     in_one_another(pose, &ARM_PAIRS[side], 0.0).map(|touch| touch.depth).fold(0.0, f32::max)
@@ -79,6 +86,11 @@ pub(crate) fn arm_contacts(pose: &Pose, deep: f32) -> impl Iterator<Item = OwnCo
             side == 0 || !touch.parts.iter().any(|part| part.is_arm() && part.side() < 0)
         })
     })
+}
+
+/// The pairs with a leg and without an arm that are deeper than `deep` metres in one another, as in [`arm_contacts`].
+pub(crate) fn leg_contacts(pose: &Pose, deep: f32) -> impl Iterator<Item = OwnContact> {
+    in_one_another(pose, &LEG_PAIRS, deep)
 }
 
 /// The parts of a posed body that are deeper than `deep` metres in one another, beyond what flesh gives, and how deep.

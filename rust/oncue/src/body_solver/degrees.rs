@@ -5,6 +5,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 
+use crate::library::foot::LEGS;
 use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::{JOINT_COUNT, JOINT_OFFSET, PARENT};
 use crate::motion::{Joint, Pose, Posture};
@@ -109,8 +110,8 @@ impl DegreesOfFreedom {
                 parts.push(Part::Ball(arm[3]));
             }
         }
-        for leg in [[LeftUpLeg, LeftLeg, LeftFoot, LeftToe], [RightUpLeg, RightLeg, RightFoot, RightToe]] {
-            parts.extend([Part::Ball(leg[0]), hinge(leg[1]), Part::Ball(leg[2]), hinge(leg[3])]);
+        for [thigh, shin, foot, toe] in LEGS {
+            parts.extend([Part::Ball(thigh), hinge(shin), Part::Ball(foot), hinge(toe)]);
         }
         let count = parts.iter().map(|p| p.size()).sum();
         Self { parts, count, limited: true }
@@ -125,6 +126,18 @@ impl DegreesOfFreedom {
             Part::Ball(RightArm),
             Part::Hinge(RightForeArm),
         ];
+        let count = parts.iter().map(|p| p.size()).sum();
+        Self { parts, count, limited: true }
+    }
+
+    /// Legs, spine and the place of a pelvis that keeps its turn.
+    pub(crate) fn body_on_its_feet() -> Self {
+        use Joint::*;
+        let mut parts = vec![Part::Shift];
+        parts.extend([Spine, Spine1, Spine2].map(Part::Ball));
+        for [thigh, shin, foot, toe] in LEGS {
+            parts.extend([Part::Ball(thigh), Part::Hinge(shin), Part::Ball(foot), Part::Hinge(toe)]);
+        }
         let count = parts.iter().map(|p| p.size()).sum();
         Self { parts, count, limited: true }
     }

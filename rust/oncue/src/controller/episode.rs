@@ -385,11 +385,7 @@ impl Environment<'_> {
         for _ in 0..(self.settings.synthesizer.hold_seconds * FRAME_RATE) as usize {
             self.frame(episode, &PostureOffset::default(), true, &mut Means::default());
         }
-        let surroundings = Surroundings {
-            scene: self.scene,
-            ignore_below: self.settings.reward.ignore_below,
-            seat: self.task.cue.seat_height().map(|seat| (0, seat)),
-        };
+        let surroundings = Surroundings::of(self.scene, &self.task.cue, Some(0), self.settings);
         let character = &episode.character;
         episode.tally.held_depth = depth_in_scene(&character.pose, character.floor, &surroundings);
     }

@@ -154,9 +154,8 @@ fn look_at(environment: &Environment, best: &mut [Candidate]) {
 fn problems_of(environment: &Environment, candidate: &Candidate) -> usize {
     let settings = environment.settings;
     let episode = record(environment, candidate).0;
-    let seat = episode.action_from.zip(environment.task.cue.seat_height());
-    let ignore_below = settings.reward.ignore_below;
-    let surroundings = Surroundings { scene: environment.scene, ignore_below, seat };
+    let cue = &environment.task.cue;
+    let surroundings = Surroundings::of(environment.scene, cue, episode.action_from, settings);
     let motion = episode.record.unwrap_or_default();
     body_figures(&motion, episode.character.floor, Some(&surroundings)).problems(&settings.report).len()
 }

@@ -6,12 +6,12 @@
 //!
 //! An edit asks for `constraint`s. `latent` searches the [`crate::manifold`] for them; the `body_solver` takes
 //! what is left. Who asks is `seat` (the action cue), `manipulation` (the hands' cues) and `resolve` (the artist);
-//! `free_arms` takes arms out of the body and the scene; `task` is the editor's part of the main job, and [`plain_ik`] what it is compared with.
+//! `free_limbs` takes limbs and trunk out of the body and the scene; `task` is the editor's part of the main job, and [`plain_ik`] what it is compared with.
 
 pub(crate) mod constraint;
 pub(crate) mod edit;
 mod foot_following;
-mod free_arms;
+mod free_limbs;
 pub(crate) mod latent;
 pub(crate) mod manipulation;
 pub(crate) mod plain_ik;

@@ -1,20 +1,20 @@
-//! The editor's part of the main job: the seat, then the hands, then what arms still run into.
+//! The editor's part of the main job: the seat, what legs and trunk still run into, then the hands, and then arms.
 
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
 use super::edit::ConstraintFigures;
-use super::free_arms::{ArmRoom, free_arms};
+use super::free_limbs::{Room, free_arms, free_body};
 use super::manipulation::{Manipulated, ManipulationFigures, manipulate};
 use super::seat::{Seat, SeatFigures, SeatFit};
 use crate::action::Fit;
 use crate::cue::Task;
 use crate::error::{Error, Result};
+use crate::figures::Surroundings;
 use crate::manifold::Manifold;
 use crate::motion::Motion;
 use crate::progress::Progress;
-use crate::scene::SceneIndex;
 use crate::settings::EditorSettings;
 
 /// What E did to the controller's motion.
@@ -34,9 +34,9 @@ pub struct TaskEditFigures {
     pub problems: Vec<String>,
 }
 
-/// E(M): fits `motion`, which is complete at frame `complete`, to its seat, carries the hands along their cues and takes the
-/// arms out of body and scene. What
-/// cannot be done leaves the motion as it was and is said in `problems`. `manifold`: as in [`super::edit_motion`].
+/// E(M): fits `motion`, which is complete at frame `complete`, to its seat, carries the hands along their cues, and takes limbs
+/// and trunk out of the body and out of what is `around`. What cannot be done leaves the motion as it was and is said in
+/// `problems`. `manifold`: as in [`super::edit_motion`].
 ///
 /// # Errors
 /// `Cancelled`.
@@ -44,7 +44,7 @@ pub fn edit_for_task(
     motion: &mut Motion,
     task: &Task,
     complete: usize,
-    scene: &SceneIndex,
+    around: &Surroundings,
     manifold: Option<&Manifold>,
     settings: &EditorSettings,
     progress: &Progress,
@@ -54,7 +54,7 @@ pub fn edit_for_task(
     let floor = task.start.position.z;
     let mut out = TaskEditFigures { complete_frame: complete, ..Default::default() };
     if task.cue.action_type.spec().fit == Fit::Seat {
-        let seat = Seat { motion, cue: &task.cue, complete, scene: Some(scene), floor, settings };
+        let seat = Seat { motion, cue: &task.cue, complete, scene: Some(around.scene), floor, settings };
         match seat.fit(manifold, progress) {
             Ok(SeatFit { motion: fitted, figures, seat }) => {
                 *motion = fitted;
@@ -66,9 +66,12 @@ pub fn edit_for_task(
             Err(error) => out.problems.push(error.to_string()),
         }
     }
+    let room = Room { around: Some(around), floor };
+    free_body(motion, room, out.complete_frame, progress)?;
     if !task.manipulations.is_empty() {
         progress.stage("Carrying the hands");
-        match manipulate(manifold, motion, &task.manipulations, Some(scene), floor, settings, progress) {
+        match manipulate(manifold, motion, &task.manipulations, Some(around.scene), floor, settings, progress)
+        {
             Ok(Manipulated { motion: carried, cues, holds, figures }) => {
                 *motion = carried;
                 // What was held before the action is complete puts that off.
@@ -88,8 +91,7 @@ pub fn edit_for_task(
         .iter()
         .filter_map(|m| Some((hand_of(&m.name)?, m.first_frame..m.first_frame + m.frames)))
         .collect();
-    let room = ArmRoom { scene, above: floor + scene.settings().carpet_height };
-    free_arms(motion, Some(room), &carried, progress)?;
+    free_arms(motion, room, &carried, progress)?;
     out.seconds = began.elapsed().as_secs_f32();
     Ok(out)
 }
@@ -105,8 +107,8 @@ mod tests {
         let mut out = motion.clone();
         let settings =
             EditorSettings { reach_seconds: 0.2, reach_seconds_per_metre: 0.0, ..Default::default() };
-        let figures =
-            edit_for_task(&mut out, task, complete, &world.scene, None, &settings, &Progress::new());
+        let around = Surroundings::of(&world.scene, &task.cue, Some(0), &world.settings);
+        let figures = edit_for_task(&mut out, task, complete, &around, None, &settings, &Progress::new());
         (out, figures.expect("not cancelled"))
     }
 

@@ -28,9 +28,11 @@ pub use crate::anatomy::{BodyPart, LimitedTurn, body_capsules};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::cue::ActionCue;
 use crate::library::MotionLibrary;
 use crate::motion::{Motion, Pose, Posture};
-use crate::scene::SceneIndex;
+use crate::scene::{SEAT_GIVE, SceneIndex};
+use crate::settings::Settings;
 
 /// What an eye sees first in a motion.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -57,6 +59,27 @@ pub struct Surroundings<'a> {
     pub ignore_below: f32,
     /// The frame from which the person sits down, and the height of the seat that carries pelvis and thighs then, metres.
     pub seat: Option<(usize, f32)>,
+}
+
+impl<'a> Surroundings<'a> {
+    /// Those of a motion towards `cue`; `sits_from`: the frame from which on its seat carries the person, if it has one.
+    pub(crate) fn of(
+        scene: &'a SceneIndex,
+        cue: &ActionCue,
+        sits_from: Option<usize>,
+        settings: &Settings,
+    ) -> Self {
+        Self { scene, ignore_below: settings.reward.ignore_below, seat: sits_from.zip(cue.seat_height()) }
+    }
+
+    /// World height from which on the scene counts for a part of the body in a frame, metres.
+    pub(crate) fn counted_from(&self, part: BodyPart, frame: usize, floor: f32) -> f32 {
+        let above = floor + self.ignore_below;
+        match self.seat {
+            Some((from, seat)) if frame >= from && part.is_carried() => above.max(seat + SEAT_GIVE),
+            _ => above,
+        }
+    }
 }
 
 /// Figures of a motion on a floor `floor` metres high (world), or in a scene.

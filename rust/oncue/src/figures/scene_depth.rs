@@ -8,7 +8,6 @@ use super::spans::Spans;
 use super::{Surroundings, percent};
 use crate::anatomy::{BodyPart, DEEP, body_capsules};
 use crate::motion::Pose;
-use crate::scene::SEAT_GIVE;
 
 /// Depths from here on are no touch any more, metres.
 const VERY_DEEP: f32 = 0.03;
@@ -108,13 +107,11 @@ fn in_scene(
     floor: f32,
     surroundings: &Surroundings,
 ) -> Vec<(BodyPart, f32, Vec3)> {
-    let above = floor + surroundings.ignore_below;
-    let seat = surroundings.seat.filter(|(from, _)| frame >= *from).map(|(_, seat)| seat + SEAT_GIVE);
-    let over = |part: BodyPart| seat.filter(|_| part.is_carried()).map_or(above, |seat| seat.max(above));
     body_capsules(pose)
         .into_iter()
         .filter_map(|(part, capsule)| {
-            let contact = surroundings.scene.depth_of(&capsule, over(part))?;
+            let contact =
+                surroundings.scene.depth_of(&capsule, surroundings.counted_from(part, frame, floor))?;
             Some((part, contact.depth, contact.place))
         })
         .collect()
