@@ -11,6 +11,7 @@ use crate::controller::{
     Environment, EpisodeEnd, KeptMotion, StoredPolicy, keep_motion, optimize_policy, request_of,
 };
 use crate::cue::Task;
+use crate::editor::first_step::prepare_first_step;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
 use crate::figures::{BodyFigures, StyleValues, Surroundings, body_figures, pose_distance_figures};
@@ -90,8 +91,13 @@ pub fn synthesize_along(
     let Found { mut kept, policy, source, learning } =
         find_motion(&environment, &there, seed, progress, &mut laps)?;
 
-    let complete = kept.complete;
     let mut motion = std::mem::take(&mut kept.motion);
+    if settings.editor.fit && kept.end == EpisodeEnd::Complete {
+        let later = prepare_first_step(&mut motion, task.start.position.z, progress)?;
+        kept.complete += later;
+        kept.action_from = kept.action_from.map(|frame| frame + later);
+    }
+    let complete = kept.complete;
     let mut edited = if settings.editor.fit && kept.end == EpisodeEnd::Complete {
         let around = Surroundings::of(scene, &task.cue, kept.action_from, settings);
         Some(edit_for_task(&mut motion, task, complete, &around, manifold, &settings.editor, progress)?)

@@ -15,6 +15,7 @@ use super::state::{Observation, observe};
 use crate::action::ActionType;
 use crate::anatomy::{DEEP, own_depth};
 use crate::figures::{Surroundings, depth_in_scene};
+use crate::library::Start;
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
 use crate::math::capsule::Capsule;
@@ -40,6 +41,13 @@ const AHEAD: [f32; 4] = [0.0, 0.33, 0.67, 1.0];
 /// The own body is looked at every so many frames: nothing that lasts longer than a brief touch (`report.brief_frames`) is
 /// missed, at a third of the time.
 const OWN_BODY_EVERY: usize = 3;
+
+/// Where a way begins is seen so far ahead, metres; who has less to go needs no start.
+const START_SEEN: f32 = 0.8;
+/// A start leads the way that is no farther than this from it: the cosine.
+const START_LEADS: f32 = 0.8;
+/// So many episodes of ten begin with a start where one leads the way: the others show whether it is in the way.
+const STARTED_OF_TEN: u32 = 8;
 
 /// Frames of a step, over which the pace is a mean.
 const STEP_FRAMES: usize = 15;
@@ -102,6 +110,8 @@ pub struct Tally {
     pub held_depth: f32,
     /// How far from the take's own taste it is, see `taste`.
     pub taste: usize,
+    /// It does not begin with a start, although one of the library's leads its way.
+    pub unprepared: bool,
     /// Pelvis to the cue at the end, metres, and facing, radians.
     pub residual: f32,
     /// The facing away from the cue's at the end, radians.
@@ -117,6 +127,8 @@ pub struct Episode {
     /// Mean r_coli of the last frames, and where the root was.
     collisions: [f32; 5],
     trail: Vec<Vec2>,
+    /// The database frame up to which the first step plays on as it is.
+    start_until: Option<usize>,
     /// Where the next search for the action may begin: the last one's find, played on.
     likely_action: Option<usize>,
     /// How tight it is beside the arms where the next decision begins, if that was looked at already.
@@ -149,16 +161,25 @@ impl Environment<'_> {
         self.begin_at(Planar::new(xy, rng.random_range(-PI..PI)), rng)
     }
 
-    /// An episode standing at `start`, in one of the library's moments of standing still.
+    /// An episode standing at `start`: about to set off as the library does, or in one of its moments of standing still.
     pub fn begin_at(&self, start: Planar, rng: &mut impl Rng) -> Episode {
+        let starts = self.starts_of(start);
         let idle = &self.database.idle_frames;
-        let frame = idle[rng.random_range(0..idle.len())] as usize;
+        let standing = idle[rng.random_range(0..idle.len())] as usize;
+        let starting = !starts.is_empty() && rng.random_range(0..10) < STARTED_OF_TEN;
+        let begins = starting.then(|| starts[rng.random_range(0..starts.len())]);
+        let frame = begins.map_or(standing, |start| start.first);
         let character = Character::standing(self.database, frame, start, self.task.start.position.z);
         let before = character.posture;
         Episode {
             character,
             // None, but for the rollouts of a choice.
-            tally: Tally { taste: usize::MAX, ..Tally::default() },
+            tally: Tally {
+                taste: usize::MAX,
+                unprepared: begins.is_none() && !starts.is_empty(),
+                ..Tally::default()
+            },
+            start_until: begins.map(|start| start.end),
             before,
             collisions: [1.0; 5],
             trail: vec![start.position],
@@ -167,6 +188,17 @@ impl Environment<'_> {
             action_from: None,
             record: None,
         }
+    }
+
+    /// The first steps that lead where the way from `start` leads.
+    fn starts_of(&self, start: Planar) -> Vec<&Start> {
+        let remaining = self.path.distance(start.position);
+        if !remaining.is_finite() || remaining < START_SEEN {
+            return Vec::new();
+        }
+        let ahead = self.path.point_ahead(start.position, START_SEEN) - start.position;
+        let ahead = start.direction_to_local(ahead).normalize_or_zero();
+        self.database.starts.iter().filter(|start| start.way.dot(ahead) > START_LEADS).collect()
     }
 
     /// s_t and what is open.
@@ -187,6 +219,7 @@ impl Environment<'_> {
         // k*: a sit or stop was matched while observing; walking is matched with a^future.
         let target = match action {
             Some(action) => Some(action.found.frame),
+            None if episode.start_until.is_some_and(|until| character.frame < until) => None,
             None => {
                 let passed_over = self.taste(episode.tally.taste).passed_over(ActionType::LOCOMOTION);
                 self.match_walk(character, &query, &signal.future, passed_over)
@@ -194,6 +227,7 @@ impl Environment<'_> {
         };
         let mut cost = TransitionCost::default();
         if let Some(frame) = target {
+            episode.start_until = None;
             cost = self.transition_cost(&query, frame);
             character.transition(self.database, frame);
             let total = cost.posture + cost.velocity;

@@ -387,6 +387,7 @@ fn cost_of(tally: &Tally, end: EpisodeEnd, met: bool, left: f32, shortest: f32, 
         + w.own_depth * tally.own_depth
         + w.held_depth * (tally.held_depth - DEEP).max(0.0)
         + w.taste * tally.taste.min(FARTHEST_TASTE) as f32
+        + w.unprepared * f32::from(u8::from(tally.unprepared))
 }
 
 #[cfg(test)]
@@ -423,6 +424,7 @@ mod tests {
             held_depth: 97.0,
             problem: 3.7,
             taste: 1.35,
+            unprepared: 0.71,
         }
     }
 
@@ -453,6 +455,7 @@ mod tests {
             own_depth: 0.41,
             held_depth: 0.04,
             taste: 2,
+            unprepared: true,
             residual: 0.06,
             facing: 0.17,
         }
@@ -483,6 +486,7 @@ mod tests {
             1.9 * 0.41,
             97.0 * 0.03,
             2.7,
+            0.71,
         ];
         let met: f32 = parts.iter().sum();
         close(cost_of(&t, EpisodeEnd::Complete, true, 7.0, 3.2, &w), met, 1e-3);

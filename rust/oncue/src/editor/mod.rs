@@ -6,10 +6,11 @@
 //!
 //! An edit asks for `constraint`s. `latent` searches the [`crate::manifold`] for them; the `body_solver` takes
 //! what is left. Who asks is `seat` (the action cue), `manipulation` (the hands' cues) and `resolve` (the artist);
-//! `free_limbs` takes limbs and trunk out of the body and the scene; `task` is the editor's part of the main job, and [`plain_ik`] what it is compared with.
+//! `first_step` prepares the first step and `free_limbs` takes limbs and trunk out of the body and the scene; `task` is the editor's part of the main job, and [`plain_ik`] what it is compared with.
 
 pub(crate) mod constraint;
 pub(crate) mod edit;
+pub(crate) mod first_step;
 mod foot_following;
 mod free_limbs;
 pub(crate) mod latent;

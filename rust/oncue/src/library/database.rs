@@ -15,6 +15,7 @@ use super::feature::{
 };
 use super::known_poses::KnownPoses;
 use super::search::SearchIndex;
+use super::start::{Start, starts};
 use super::sufficiency::STANDING_FRAMES;
 use crate::action::{ActionLabel, ActionType, Completion, FutureKind};
 use crate::error::{Error, Result};
@@ -153,6 +154,8 @@ pub struct MotionDatabase {
     pub accelerations: [f32; JOINT_COUNT],
     /// Frames of standing still, at which a motion may begin.
     pub idle_frames: Vec<u32>,
+    /// First steps, with which a motion begins where one leads its way.
+    pub starts: Vec<Start>,
     /// See [`MotionDatabase::known_poses`].
     known_poses: OnceLock<KnownPoses>,
 }
@@ -203,6 +206,7 @@ impl MotionDatabase {
             turns,
             accelerations,
             idle_frames,
+            starts: Vec::new(),
             known_poses: OnceLock::new(),
         };
         if database.idle_frames.is_empty() {
@@ -210,6 +214,7 @@ impl MotionDatabase {
                 "The motion library has no standing still to begin from; add an idle clip or let the starter library fill in what is missing.",
             ));
         }
+        database.starts = starts(&database.frames, |frame, ahead| database.travel(frame, ahead));
         let built = ActionType::ALL
             .par_iter()
             .map(|&a| database.index(a, progress))

@@ -219,6 +219,8 @@ pub struct CostWeights {
     pub problem: f32,
     /// Each step away from the take's own taste.
     pub taste: f32,
+    /// A first step without a shift of the weight, where the library has one with it.
+    pub unprepared: f32,
 }
 
 impl CostWeights {
@@ -254,6 +256,7 @@ impl CostWeights {
                 held_depth: ANY,
                 problem: ANY,
                 taste: ANY,
+                unprepared: ANY,
             },
             free {}
         );
@@ -288,6 +291,7 @@ impl Default for CostWeights {
             held_depth: 200.0,
             problem: 3.0,
             taste: 0.5,
+            unprepared: 2.0,
         }
     }
 }

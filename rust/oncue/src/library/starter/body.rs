@@ -87,6 +87,9 @@ fn shifted(signal: &[f32], i: usize, seconds: f32) -> f32 {
     signal[(j.round().max(0.0) as usize).min(signal.len() - 1)]
 }
 
+/// Seconds after which a foot that is about to leave presses most, and how much of its half of the weight more.
+const PUSH: (f32, f32) = (0.14, 0.6);
+
 /// Share of the weight on the left foot, as keys over time.
 fn load_keys(plan: &Plan) -> Vec<(f32, f32)> {
     let mut keys: Vec<(f32, f32)> = vec![(-1.0, 0.5)];
@@ -99,7 +102,13 @@ fn load_keys(plan: &Plan) -> Vec<(f32, f32)> {
             if landed > 0.0 {
                 keys.push((landed + 0.40, 0.5));
             }
-            keys.push((begins.max(landed + 0.41), 0.5));
+            let begins = begins.max(landed + 0.41);
+            keys.push((begins, 0.5));
+            // The foot that is to leave presses first: that is what sends the body over to the other.
+            let pressed = begins + PUSH.0;
+            if pressed < step.lift - WEIGHT_SHIFT.1 {
+                keys.push((pressed, 0.5 + PUSH.1 * (0.5 - standing)));
+            }
             keys.push((step.lift - WEIGHT_SHIFT.1, standing));
         }
         keys.push((step.lift, standing));

@@ -142,8 +142,8 @@ impl Plan {
 /// From where on the way down, and until where on the way up, feet are set without carrying the body.
 const FEET_FREE: (f32, f32) = (0.45, 0.3);
 
-/// Seconds before a foot leaves the floor that the weight begins to go over to the other, and that it is there.
-pub(super) const WEIGHT_SHIFT: (f32, f32) = (0.72, 0.16);
+/// Seconds before a foot leaves the floor that it pushes the weight off to the other, and that the weight is there.
+pub(super) const WEIGHT_SHIFT: (f32, f32) = (0.56, 0.10);
 /// Seconds that it takes to sit otherwise.
 const STIRRING_SECONDS: f32 = 1.3;
 /// Metres between the ankles while standing.
