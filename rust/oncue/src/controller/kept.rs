@@ -14,7 +14,7 @@ use super::policy::{Draw, Gaussian, Policy, TYPE_COUNT, draw};
 use super::signal::OFFSET_SIZE;
 use crate::anatomy::DEEP;
 use crate::error::Result;
-use crate::figures::{Surroundings, body_figures};
+use crate::figures::{Surroundings, body_figures, pose_distance_figures};
 use crate::math::Planar;
 use crate::motion::{FRAME_RATE, Motion};
 use crate::nn::Activations;
@@ -157,7 +157,10 @@ fn problems_of(environment: &Environment, candidate: &Candidate) -> usize {
     let cue = &environment.task.cue;
     let surroundings = Surroundings::of(environment.scene, cue, episode.action_from, settings);
     let motion = episode.record.unwrap_or_default();
-    body_figures(&motion, episode.character.floor, Some(&surroundings)).problems(&settings.report).len()
+    let body = body_figures(&motion, episode.character.floor, Some(&surroundings));
+    let known = environment.database.known_poses();
+    let poses = pose_distance_figures(&motion, known, Some(environment.scene));
+    body.problems(&settings.report).len() + poses.unasked(settings.report.brief_frames)
 }
 
 /// The seed of a rollout's own draws. Mixed, so that neighbouring seeds of a request share no rollouts (SplitMix64's

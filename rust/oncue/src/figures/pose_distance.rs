@@ -18,6 +18,8 @@ const STEP: usize = 3;
 const NEAR: usize = FRAME_RATE as usize;
 /// Gaps wider than this are none, metres.
 const WIDEST: f32 = 1.0;
+/// A gap up to this asks for another pose than the library's, cm.
+const ASKS: f32 = 70.0;
 /// A gap is looked for at these heights over the pelvis, metres …
 const GAP_HEIGHTS: [f32; 3] = [-0.3, 0.0, 0.3];
 /// … and in so many directions over half a turn.
@@ -114,6 +116,14 @@ pub fn pose_distance_figures(
     }
 }
 
+impl PoseDistanceFigures {
+    /// How often arm or trunk are far from what the library has for more than `brief` frames, where no gap asks for it.
+    pub(crate) fn unasked(&self, brief: usize) -> usize {
+        let wide = |far: &FarPose| far.gap_cm.is_none_or(|gap| gap > ASKS);
+        self.beyond.iter().filter(|far| far.end - far.first > brief && wide(far)).count()
+    }
+}
+
 #[derive(Default)]
 struct Share {
     far: usize,
@@ -179,6 +189,7 @@ mod tests {
         let worst = &far.beyond[0];
         assert_eq!((worst.part, worst.first, worst.end, worst.frame), (PosedPart::LeftArm, 6, 15, 6));
         assert!((worst.degrees - 0.5f32.to_degrees()).abs() < 0.01 && worst.gap_cm.is_none());
+        assert_eq!([3, 8, 9].map(|brief| far.unasked(brief)), [1, 1, 0]);
     }
 
     #[test]
@@ -200,6 +211,8 @@ mod tests {
         let gap_of = |scene: &SceneIndex| figures(0.5, Some(scene)).beyond[0].gap_cm;
         assert!((gap_of(&walls(0.3)).expect("a gap") - 60.0).abs() < 0.01);
         assert_eq!(gap_of(&walls(0.55)), None);
+        let unasked = |half: f32| figures(0.5, Some(&walls(half))).unasked(3);
+        assert_eq!([0.3, 0.4, 0.55].map(unasked), [0, 1, 1]);
         // One wall is no gap, however near.
         assert_eq!(gap_of(&room(&[([-2.0, -0.5, 0.0], [-0.2, 0.5, 2.0])])), None);
     }
