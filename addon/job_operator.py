@@ -39,9 +39,9 @@ class Notice:
         self.failed = False
         #: The refusal, where a button helps, else None.
         self.error: SceneError | None = None
-        #: What the artist saw when it was said, and whether it is of a state of the character.
+        #: What the artist saw when it was said, and the refusal's words where it is of a state of the character.
         self._said_of: object = None
-        self._of_character = False
+        self._of_character = ""
 
     def say(self, message: str, *, failed: bool = False, error: SceneError | None = None) -> None:
         """Shows a message until the file changes; that something was stopped goes by itself too."""
@@ -51,8 +51,8 @@ class Notice:
             error.__traceback__ = error.__cause__ = error.__context__ = None
         # What interrupts a run may be changing the file just now: then it is looked at afterwards.
         self._said_of = session.what_is_seen(bpy.context) if failed else None
-        told = isinstance(error, CharacterError)
-        self._of_character = told and session.still_hindered(bpy.context, message)
+        told = str(error) if isinstance(error, CharacterError) else ""
+        self._of_character = told if told and session.still_hindered(bpy.context, told) else ""
         if message and not failed and not bpy.app.background:
             bpy.app.timers.register(self._forgetting(message), first_interval=STOPPED_NOTE_LASTS)
 
@@ -66,9 +66,12 @@ class Notice:
         seen = session.what_is_seen(bpy.context)
         if self._said_of is None:
             self._said_of = seen
-        elif self._said_of != seen or (self._of_character and not session.still_hindered(bpy.context, self.message)):
+        elif self._said_of != seen or (self._of_character and not self._still_hindered()):
             self.forget()
             redraw_sidebars(bpy.context)
+
+    def _still_hindered(self) -> bool:
+        return session.still_hindered(bpy.context, self._of_character)
 
     def _forgetting(self, message: str) -> Callable[[], None]:
         """What a timer calls later: that something was stopped is no news any more."""
@@ -132,7 +135,7 @@ handle = JobHandle()
 
 
 class JobOperator:
-    """Mixin of a Blender operator. Its class gives `title`, `begin` and `finish`."""
+    """Mixin of a Blender operator. Its class gives `title`, `begin` and `finish`, and may `keep` what it made."""
 
     title = "Working"
     #: What is said where the artist stops it.
@@ -146,6 +149,10 @@ class JobOperator:
         """Writes what the steps gave."""
         raise NotImplementedError
 
+    def keep(self, _context: bpy.types.Context, _value: object) -> str:
+        """Keeps what could not be written; what is said of it, as the end of a sentence. Empty where it is lost."""
+        return ""
+
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
         if handle.run is not None:
@@ -157,11 +164,13 @@ class JobOperator:
         """The blocking way: to the end in one go."""
         try:
             with log.bugs():
-                self.finish(context, run_blocking(self.begin(context)))
+                value = run_blocking(self.begin(context))
         except Exception as error:
             return self._refused(error)
-        handle.forget()
-        return {"FINISHED"}
+        ended = self._write(context, value)
+        if ended == {"FINISHED"}:
+            handle.forget()
+        return ended
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         if bpy.app.background or context.window is None:
@@ -215,15 +224,26 @@ class JobOperator:
                 value = run.result()
                 if session.scene_of(self._scene) is None:
                     raise SceneError("The scene was deleted meanwhile, and there is nowhere to write the result.")
-                self.finish(context, value)
+            return self._write(context, value)
         except Exception as error:
             return self._refused(error)
         finally:
             redraw_sidebars(context)
+
+    def _write(self, context: bpy.types.Context, value: object) -> set[str]:
+        """Writes what the steps gave, or keeps it where that is refused: the file may have changed since they began."""
+        try:
+            with log.bugs():
+                self.finish(context, value)
+        except Exception as error:
+            return self._refused(error, self.keep(context, value))
         return {"FINISHED"}
 
-    def _refused(self, error: Exception) -> set[str]:
-        """Says why it ended: in one sentence, whatever it was. What is a bug is told to the console in full."""
+    def _refused(self, error: Exception, kept: str = "") -> set[str]:
+        """Says why it ended: in one sentence, whatever it was. What is a bug is told to the console in full.
+
+        `kept`: what it says besides of what was made.
+        """
         failed = not native.is_cancelled(error)
         if not failed:
             message = self.stopped_note
@@ -233,6 +253,8 @@ class JobOperator:
             traceback.print_exception(error)
             why = native.bug_sentence(error)
             message = f"{self.title} ended by {why} The file is as it was; the console tells more."
+        if kept:
+            message = f"{message.rstrip('.')}; {kept}"
         helped = error if isinstance(error, CharacterError | EdgeError | ScaleError) else None
         handle.say(message, failed=failed, error=helped)
         log.logger.log(logging.ERROR if failed else logging.INFO, message)

@@ -18,7 +18,7 @@ from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .foreign_captures import SUFFIXES as FOREIGN
 from .job_operator import handle
 from .operators.follow import following
-from .operators.synthesize import library_cache
+from .operators.synthesize import library_cache, unwritten
 from .pipeline import Progress
 
 CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
@@ -215,7 +215,7 @@ class ONCUE_PT_messages(OncuePanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(handle.run or handle.message or following_line(context)[0])
+        return bool(handle.run or handle.message or following_line(context)[0] or unwritten.of(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -232,6 +232,9 @@ class ONCUE_PT_messages(OncuePanel, bpy.types.Panel):
         if handle.message:
             write_lines(context, layout.box(), handle.message, "ERROR" if handle.failed else "INFO")
             _draw_way_out(layout, handle.error)
+        if unwritten.of(context.scene):
+            write_lines(context, layout, "A motion was made and is not written yet.", "INFO")
+            layout.operator("oncue.write_motion", icon="ACTION")
 
 
 def _draw_way_out(layout: bpy.types.UILayout, error: BaseException | None) -> None:

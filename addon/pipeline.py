@@ -21,7 +21,7 @@ from .foreign_captures import Converted, SecondBlender, convert_steps, foreign_f
 from .log import logger
 from .motion import Motion
 from .moving import Mesh, Thing, by_object, joined, nothing_met, stands
-from .native import core
+from .native import core, expected_errors, is_cancelled
 from .policy_cache import PolicyCache
 from .scene_frames import CORE_RATE, told_in_scene_frames
 
@@ -122,6 +122,9 @@ class EditRequest:
     #: Frames of the motion: at which the cue is to be met, and from which on the person sits down.
     complete: int = 0
     action_from: int | None = None
+    #: What the motion was made of, and its checksum; None where nobody knows any more.
+    library: LibraryChoice | None = None
+    library_checksum: str = ""
 
 
 @dataclass(frozen=True)
@@ -254,10 +257,11 @@ def _looks(
     action_from: int | None,
     stays: core.SceneIndex | None,
     settings: core.Settings,
+    library: core.Library | None = None,
 ) -> Steps[core.Measured]:
     """What can be seen of a motion among what stays and what moves."""
     objects = [one for thing in moving for one in thing.for_core()]
-    job = core.measure_motion(*_arrays(made), task, complete, action_from, stays, settings, objects, wait)
+    job = core.measure_motion(*_arrays(made), task, complete, action_from, stays, settings, objects, wait, library)
     return (yield from finish(job))
 
 
@@ -307,7 +311,7 @@ def _log_request(request: Request) -> None:
     logger.info("Start %s, cue %s, hands %s, overrides %s", task["start"], task["cue"], hands, request.overrides)
 
 
-def edit_steps(request: EditRequest) -> Steps[EditOutcome]:
+def edit_steps(request: EditRequest, cache: LibraryCache) -> Steps[EditOutcome]:
     """Solves an artist's edit, and measures what came of it."""
     manifold = read_manifold(request.manifold)
     settings = merged(core.default_settings(request.preset), request.overrides)
@@ -334,10 +338,25 @@ def edit_steps(request: EditRequest) -> Steps[EditOutcome]:
         )
     measured = None
     if request.task is not None:
-        seen = (request.task, request.complete, request.action_from, stays, settings)
+        library = yield from _library_of(request, cache)
+        seen = (request.task, request.complete, request.action_from, stays, settings, library)
         measured = yield from _looks(edited, request.moving, 0, *seen)
     hands = bool(request.task and request.task.get("manipulations"))
     return EditOutcome(edited, measured, (yield from _past(request.moving, edited, request.floor, hands, 0)))
+
+
+def _library_of(request: EditRequest, cache: LibraryCache) -> Steps[core.Library | None]:
+    """What the motion was made of; None where it is gone or has changed, which is no reason to refuse an edit."""
+    if request.library is None:
+        return None
+    try:
+        library, _ = yield from library_steps(request.library, cache)
+    except expected_errors() as error:
+        if is_cancelled(error):
+            raise
+        logger.info("Nothing is said of the distance from known poses: %s", error)
+        return None
+    return library if library.checksum == request.library_checksum else None
 
 
 def _given(settings: core.Settings) -> core.Settings:

@@ -149,6 +149,7 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple
     motion, keys, constraints = take.edit()
     report = report_of(action) or {}
     task, complete, action_from = _made_for(report)
+    library, library_checksum = _made_of(report)
     request = EditRequest(
         motion,
         take.solved.contacts,
@@ -163,6 +164,8 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple
         task=task,
         complete=complete,
         action_from=action_from,
+        library=library,
+        library_checksum=library_checksum,
     )
     try:
         meshes = read_scene(context, exclude=settings.exclude, metres_per_unit=settings.scene_scale)
@@ -185,6 +188,18 @@ def _made_for(report: dict) -> tuple[dict | None, int, int | None]:
         return task, complete, None if action_from is None else int(action_from)
     except (LookupError, TypeError, ValueError):
         return None, 0, None
+
+
+def _made_of(report: dict) -> tuple[LibraryChoice | None, str]:
+    """The library of a report and its checksum; None where somebody changed what it says."""
+    try:
+        told, checksum = report["extension"]["library"], report["library_checksum"]
+        paths, starter, mapping = told["paths"], told["starter"], told["mapping"]
+    except (LookupError, TypeError):
+        return None, ""
+    if not isinstance(paths, list) or not all(isinstance(word, str) for word in (*paths, starter, mapping, checksum)):
+        return None, ""
+    return LibraryChoice(tuple(paths), starter, mapping, second_blender()), checksum
 
 
 def scene_of(session_uid: int) -> bpy.types.Scene | None:
@@ -219,8 +234,13 @@ def write_edit(
     """Writes an edited motion back; the scene's frames it touched. Raises SceneError if the keys changed meanwhile."""
     settings, edited = context.scene.oncue, outcome.edited
     action = pins.action_of(settings.character)
+    if action != take.action:
+        raise SceneError(
+            f"{settings.character.name} plays another action than the one that was solved: choose that again, and "
+            "press Re-solve again."
+        )
     now = Take(context.scene, settings.character, action, native.core.skeleton())
-    if action != take.action or not now.is_as(take):
+    if not now.is_as(take):
         raise SceneError("The keys were changed while it was solving: press Re-solve again.")
     motion = Motion(np.asarray(edited.root_positions), np.asarray(edited.rotations), take.solved.motion.frame_rate)
     with kept_if_it_fails(action):

@@ -10,6 +10,7 @@ from ..bridge import pins, session, take
 from ..job_operator import JobOperator
 from ..pipeline import EditOutcome, Steps, edit_steps
 from .button import Button
+from .synthesize import library_cache
 
 
 class ONCUE_OT_pin(Button, bpy.types.Operator):
@@ -94,7 +95,7 @@ class ONCUE_OT_resolve(JobOperator, bpy.types.Operator):
 
     def begin(self, context: bpy.types.Context) -> Steps[EditOutcome]:
         self._request, self._take, self._said = session.read_edit(context)
-        return edit_steps(self._request)
+        return edit_steps(self._request, library_cache)
 
     def finish(self, context: bpy.types.Context, value: EditOutcome) -> None:
         touched = session.write_edit(context, self._request, self._take, value, self._said)

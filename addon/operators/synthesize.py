@@ -3,15 +3,59 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import bpy
+from bpy.app.handlers import persistent
 
 from ..bridge import session
 from ..bridge.policies import policy_cache
-from ..job_operator import JobOperator
-from ..pipeline import LibraryCache, Outcome, Steps, synthesis_steps
+from ..job_operator import JobOperator, handle
+from ..pipeline import LibraryCache, Outcome, Request, Steps, synthesis_steps
+from .button import Button
 
 #: The library stays in memory between presses.
 library_cache = LibraryCache()
+KEPT = "the motion is kept: press Write Motion once that is done."
+
+
+@dataclass
+class Made:
+    """A motion that was made, and all that it takes to write it."""
+
+    request: Request
+    outcome: Outcome
+    skipped: list[tuple[str, str]]
+
+    def write(self, context: bpy.types.Context, operator: bpy.types.Operator) -> None:
+        """Writes it as a new action, and has the operator tell what came of it. Raises SceneError."""
+        action = session.write_outcome(context, self.request, self.outcome, self.skipped)
+        problems = session.problems_of(session.report_of(action))
+        for problem in problems:
+            operator.report({"WARNING"}, problem)
+        if not problems:
+            operator.report({"INFO"}, f"Oncue made the action {action.name}.")
+
+
+class Unwritten:
+    """The motion that could be made and not be written, as the file was by then, until it is or another one is made."""
+
+    def __init__(self) -> None:
+        self._made: Made | None = None
+        self._scene = 0
+
+    def keep(self, scene: bpy.types.Scene, made: Made) -> None:
+        self._made, self._scene = made, scene.session_uid
+
+    def forget(self) -> None:
+        self._made, self._scene = None, 0
+
+    def of(self, scene: bpy.types.Scene) -> Made | None:
+        """The motion that waits for this scene, if any."""
+        return self._made if self._scene == scene.session_uid else None
+
+
+unwritten = Unwritten()
 
 
 class ONCUE_OT_synthesize(JobOperator, bpy.types.Operator):
@@ -27,12 +71,58 @@ class ONCUE_OT_synthesize(JobOperator, bpy.types.Operator):
         return synthesis_steps(self._request, library_cache, policy_cache(context))
 
     def finish(self, context: bpy.types.Context, value: Outcome) -> None:
-        action = session.write_outcome(context, self._request, value, self._skipped)
-        problems = session.problems_of(session.report_of(action))
-        for problem in problems:
-            self.report({"WARNING"}, problem)
-        if not problems:
-            self.report({"INFO"}, f"Oncue made the action {action.name}.")
+        self._made(value).write(context, self)
+        unwritten.forget()
+
+    def keep(self, context: bpy.types.Context, value: Outcome) -> str:
+        unwritten.keep(context.scene, self._made(value))
+        return KEPT
+
+    def _made(self, value: Outcome) -> Made:
+        return Made(self._request, value, self._skipped)
 
 
-register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_synthesize,))
+class ONCUE_OT_write_motion(Button, bpy.types.Operator):
+    """Write the motion that was made and could not be written, as a new action"""
+
+    bl_idname = "oncue.write_motion"
+    bl_label = "Write Motion"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if handle.run is not None:
+            cls.poll_message_set("Oncue is at work: wait for it, or press Esc to cancel")
+            return False
+        if unwritten.of(context.scene) is None:
+            cls.poll_message_set("No motion waits to be written")
+            return False
+        return True
+
+    def act(self, context: bpy.types.Context) -> None:
+        made = unwritten.of(context.scene)
+        if made is not None:
+            made.write(context, self)
+            unwritten.forget()
+            handle.forget()
+
+
+@persistent
+def _forget_with_its_file(*_) -> None:
+    unwritten.forget()
+
+
+CLASSES = (ONCUE_OT_synthesize, ONCUE_OT_write_motion)
+
+
+def register() -> None:
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.app.handlers.load_pre.append(_forget_with_its_file)
+
+
+def unregister() -> None:
+    unwritten.forget()
+    if _forget_with_its_file in bpy.app.handlers.load_pre:
+        bpy.app.handlers.load_pre.remove(_forget_with_its_file)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -421,7 +421,38 @@ def test_the_report_is_of_the_motion_as_it_is_after_a_solve(oncue, sitting, core
     assert shown[0] == "Sit: not met"
     # What was true of the run stays.
     assert (after["seed"], after["settings"]) == (before["seed"], before["settings"])
+    assert after["body"]["pose_distance"] not in (None, before["body"]["pose_distance"])
     assert after["extension"]["captures"] == before["extension"]["captures"]
+
+
+GONE = {
+    "file": lambda told: told["library"].update(paths=["/nowhere/mocap"]),
+    "word": lambda told: told["library"].update(starter=7),
+    "all": lambda told: told.pop("library"),
+}
+
+
+@pytest.mark.parametrize("gone", GONE)
+def test_a_library_that_is_gone_is_no_reason_to_refuse_an_edit(oncue, sitting, gone):
+    character, action = sitting
+    report = json.loads(action["oncue_report"])
+    GONE[gone](report["extension"])
+    action["oncue_report"] = json.dumps(report)
+    turn(character, "RightForeArm", round(action.frame_range[1]) - 20, 0.6, axis=2)
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    after = oncue("bridge.session").current_report(bpy.context.scene)
+    assert after["artist"]["constraints"]
+    assert after["body"]["pose_distance"] is None
+
+
+def test_a_library_that_has_changed_since_tells_nothing_of_the_motion(oncue, sitting, context):
+    character, action = sitting
+    report = json.loads(action["oncue_report"])
+    report["library_checksum"] = "of another one"
+    action["oncue_report"] = json.dumps(report)
+    turn(character, "RightForeArm", round(action.frame_range[1]) - 20, 0.6, axis=2)
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    assert oncue("bridge.session").current_report(context.scene)["body"]["pose_distance"] is None
 
 
 def test_what_cannot_be_resolved_is_a_sentence(oncue, sitting, context):
@@ -451,12 +482,18 @@ def test_keys_that_change_while_it_solves_are_not_overwritten(oncue, sitting, co
     turn(character, "Head", frame, 0.3)
     session, pipeline = oncue("bridge.session"), oncue("pipeline")
     request, take, said = session.read_edit(context)
-    edited = pipeline.run_blocking(pipeline.edit_steps(request))
+    edited = pipeline.run_blocking(pipeline.edit_steps(request, pipeline.LibraryCache()))
     turn(character, "Neck", frame, 0.3)
     keys = keys_of(oncue, action)
     with pytest.raises(oncue("errors").SceneError, match="changed while it was solving"):
         session.write_edit(context, request, take, edited, said)
     assert keys_of(oncue, action) == keys
+    # Nor is another action, which is played by then.
+    other = action.copy()
+    oncue("bridge.compat").replace_action(character, other)
+    with pytest.raises(oncue("errors").SceneError, match="plays another action than the one that was solved"):
+        session.write_edit(context, request, take, edited, said)
+    assert keys_of(oncue, other) == keys
 
 
 def test_a_hand_follows_its_cue_in_the_action(oncue, context, core, fixtures):

@@ -13,6 +13,7 @@ from mathutils import Matrix
 
 from .runs import datablocks
 from .test_batch import batch
+from .test_character import forward_kinematics
 
 #: Joints may be so far from where the artist saw them, metres.
 OFF = 0.01
@@ -119,6 +120,36 @@ def test_what_blender_exported_comes_back(oncue, core, walker, tmp_path, export)
     assert (capture["file"], capture["action"]) == (str(path), source["action"])
     assert capture["clip"] == f"walk {source['action']}"
     assert capture["seconds"]["walk"] > 4
+
+
+@pytest.mark.parametrize("suffix", [".fbx", ".glb"])
+@pytest.mark.parametrize("name", ["B3_Walk", "B11_WalkTurnLeft135", "B23_SideStepRight"])
+def test_a_real_capture_gives_the_same_through_blenders_formats(oncue, core, shared_data, tmp_path, name, suffix):
+    """Needs the shared captures. Actor's own proportions and a rest that is no T-pose."""
+    pipeline, second = oncue("pipeline"), oncue("bridge.second_blender")
+    own = shared_data / "mocap" / "accad" / f"Male1_{name}.bvh"
+    bpy.context.scene.render.fps = 30
+    bpy.ops.import_anim.bvh(filepath=str(own), global_scale=0.01)
+    path = tmp_path / f"capture{suffix}"
+    (bpy.ops.export_scene.fbx if suffix == ".fbx" else bpy.ops.export_scene.gltf)(filepath=str(path))
+    gave, heads, contacts = [], [], []
+    for file in (own, path):
+        choice = pipeline.LibraryChoice((str(file),), "none", "", second.second_blender())
+        library, (capture,) = pipeline.run_blocking(pipeline.library_steps(choice, pipeline.LibraryCache()))
+        clip = library.clip(0)
+        motion = oncue("motion").Motion(np.asarray(clip["root_positions"]), np.asarray(clip["rotations"]), 30.0)
+        assert (capture["notes"], capture["reason"]) == ([], None)
+        gave.append(capture["seconds"])
+        heads.append(forward_kinematics(core.skeleton(), motion))
+        contacts.append(np.asarray(clip["contacts"]))
+    # A frame near a label's bound may fall to its other side.
+    assert gave[1] == pytest.approx(gave[0], abs=0.1)
+    assert gave[0]["walk"] > 0.5
+    assert heads[1].shape == heads[0].shape
+    # Where it lies in the file is not compared, but how it goes from its own first frame on.
+    away = [seen - seen[:1, :1] for seen in heads]
+    assert off(*away) < OFF
+    assert (contacts[1] == contacts[0]).mean() > 0.98
 
 
 def test_the_artists_file_is_as_it_was(oncue, context, walker, tmp_path):

@@ -292,6 +292,124 @@ def test_escape_ends_the_playback_first(oncue, context, handle, monkeypatch):
     assert handle.run is run
 
 
+# --- a result that cannot be written ----------------------------------------------------------------------------------
+
+
+def enter_edit_mode(character):
+    bpy.context.view_layer.objects.active = character
+    bpy.ops.object.mode_set(mode="EDIT")
+
+
+def leave_edit_mode(_character):
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+#: What came meanwhile, the words that name it, and the way out that they tell.
+MEANWHILE = {
+    "edit mode": (enter_edit_mode, "is in edit mode.*leave edit mode", leave_edit_mode),
+    "scaled": (
+        lambda character: setattr(character, "scale", (0.5, 0.5, 0.5)),
+        "scaled to 0.5.*Reset Character",
+        lambda _character: bpy.ops.oncue.reset_character(),
+    ),
+    "rate": (
+        lambda _character: setattr(bpy.context.scene.render, "fps", 1),
+        "at 1 frames a second.*Frame Rate",
+        lambda _character: setattr(bpy.context.scene.render, "fps", 30),
+    ),
+}
+
+
+@pytest.fixture
+def meanwhile(oncue, monkeypatch):
+    """Has the artist do something while the run is at work: after it has read, before it writes."""
+    job_operator, real = oncue("job_operator"), oncue("job_operator").run_blocking
+
+    def have(act):
+        def run(steps):
+            value = real(steps)
+            act(bpy.context.scene.oncue.character)
+            bpy.context.view_layer.update()
+            return value
+
+        monkeypatch.setattr(job_operator, "run_blocking", run)
+        return lambda: monkeypatch.setattr(job_operator, "run_blocking", real)
+
+    return have
+
+
+@pytest.mark.parametrize("state", MEANWHILE)
+def test_what_cannot_be_written_is_kept_until_it_can(stool, handle, oncue, draw, meanwhile, state):
+    spoil, words, mend = MEANWHILE[state]
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    first, expected = current_action(), keys_of(oncue, current_action())
+    before = datablocks()
+    at_work = meanwhile(spoil)
+    with pytest.raises(RuntimeError, match=f"{words}.*; the motion is kept: press Write Motion") as error:
+        bpy.ops.oncue.synthesize()
+    at_work()
+    assert len([line for line in str(error.value).splitlines() if line.startswith("Error: ")]) == 1
+    assert datablocks() == before
+    assert current_action() == first
+    assert "oncue.write_motion" in draw("messages").operators
+    # As long as it is as it was refused, it is refused again, and nothing is lost by that.
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.oncue.write_motion()
+    mend(stool.scene.oncue.character)
+    stool.view_layer.update()
+    # What has changed since is the artist's: nothing is read anew.
+    bpy.data.objects.remove(bpy.data.objects["Start"])
+    assert bpy.ops.oncue.write_motion() == {"FINISHED"}
+    assert current_action() != first
+    assert keys_of(oncue, current_action()) == expected
+    assert keys_of(oncue, first) == expected
+    assert handle.message == ""
+    assert "oncue.write_motion" not in draw("messages").operators
+    assert not bpy.ops.oncue.write_motion.poll()
+
+
+def test_a_motion_is_kept_where_the_character_was_deleted_by_then(stool, oncue, meanwhile):
+    """Nothing is refused there: it gets a character of its own."""
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    expected = keys_of(oncue, current_action())
+    at_work = meanwhile(lambda character: bpy.data.objects.remove(character))
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    at_work()
+    assert keys_of(oncue, current_action()) == expected
+
+
+def test_a_kept_motion_goes_with_its_file_and_its_scene(stool, oncue, meanwhile):
+    unwritten = oncue("operators.synthesize").unwritten
+    bpy.ops.oncue.synthesize()
+    at_work = meanwhile(enter_edit_mode)
+    with pytest.raises(RuntimeError, match="the motion is kept"):
+        bpy.ops.oncue.synthesize()
+    at_work()
+    other = bpy.data.scenes.new("Other")
+    assert unwritten.of(stool.scene) is not None
+    assert unwritten.of(other) is None
+    # Another one that was written takes its place.
+    leave_edit_mode(None)
+    kept = unwritten.of(stool.scene)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    assert unwritten.of(stool.scene) is None
+    unwritten.keep(stool.scene, kept)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    assert unwritten.of(bpy.context.scene) is None
+
+
+def test_an_error_of_our_own_while_writing_loses_no_motion(stool, handle, oncue, monkeypatch):
+    session = oncue("bridge.session")
+    real = session.keep_solved
+    monkeypatch.setattr(session, "keep_solved", fail)
+    with pytest.raises(RuntimeError, match=r"an error of Oncue's own.*the motion is kept"):
+        bpy.ops.oncue.synthesize()
+    assert not bpy.data.actions
+    monkeypatch.setattr(session, "keep_solved", real)
+    assert bpy.ops.oncue.write_motion() == {"FINISHED"}
+    assert len(keys_of(oncue, current_action())) > 60
+
+
 # --- results ----------------------------------------------------------------------------------------------------------
 
 

@@ -144,6 +144,11 @@ def test_every_other_dict_has_what_its_type_says(bench_scene, library, played, t
     assert all(seen[part] == report[part] for part in ("cues", "foot", "penetration"))
     # How far it is from a library's poses is told by whoever has the library.
     assert seen["body"] == {**report["body"], "pose_distance": None}
+    beside = oncue_core.measure_motion(
+        *(*motion, sit_on_the_bench(), report["cues"][0]["frame"], report["action_from"], bench_scene),
+        library=library,
+    ).result()
+    assert beside["body"] == report["body"]
     without = oncue_core.measure_motion(*motion, sit_on_the_bench(), 0).result()
     check(without, oncue_core.Measured)
     assert without["penetration"] is None

@@ -442,12 +442,14 @@ def measure_motion(
     settings: Settings | None = None,
     moving: Sequence[MovingObject] = ...,
     wait: int = 0,
+    library: Library | None = None,
 ) -> Job[Measured]:
     """What a report tells of any motion for the task: how it meets its cue at the frame `complete`, how the feet stand,
     and what an eye sees.
 
     `action_from`: the frame from which on the person sits down, after which the seat is no obstacle. `scene`: what
     stays where it is. `moving`: what does not, which `penetration` counts where it stands `wait` frames after each.
+    `library`: what it is made of, beside whose poses its own are held.
     InputError for arrays of another shape, malformed tasks and unknown settings at once.
     """
 

@@ -273,7 +273,7 @@ class PoseDistanceFigures(TypedDict):
 
 
 class BodyFigures(TypedDict):
-    """What an eye sees first in a motion. `scene`: None where no scene was given; `pose_distance`: only in a report.
+    """What an eye sees first in a motion. `scene` and `pose_distance`: None where no scene, no library was given.
 
     Those of a library are of all its clips together and do not tell where.
     """

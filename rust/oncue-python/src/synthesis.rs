@@ -97,8 +97,8 @@ pub fn synthesize(
 
 /// What a report tells of a motion's looks, of any motion for the task.
 #[pyfunction]
-#[pyo3(signature = (root_positions, rotations, contacts, task, complete, action_from=None, scene=None, settings=None, moving=vec![], wait=0))]
-#[allow(clippy::too_many_arguments)] // Python's face: the last five have names and defaults there.
+#[pyo3(signature = (root_positions, rotations, contacts, task, complete, action_from=None, scene=None, settings=None, moving=vec![], wait=0, library=None))]
+#[allow(clippy::too_many_arguments)] // Python's face: the last six have names and defaults there.
 pub fn measure_motion(
     root_positions: &Bound<'_, PyAny>,
     rotations: &Bound<'_, PyAny>,
@@ -110,17 +110,23 @@ pub fn measure_motion(
     settings: Option<&Bound<'_, PyDict>>,
     moving: Vec<Py<MovingObject>>,
     wait: usize,
+    library: Option<&Library>,
 ) -> PyResult<Job> {
     let motion = from_arrays(root_positions, rotations, contacts)?;
     let task: Task = json::from_dict("task", task)?;
     let settings: Settings = json::from_optional_dict("settings", settings)?;
     let scene = scene.map(|s| s.inner.clone());
+    let library = library.map(Library::database);
     Job::start(
         move |progress| {
-            progress.stage("Measuring");
             settings.validate()?;
+            let database = library
+                .map(|(library, database)| database.get(&library, &settings.synthesizer.weights, progress))
+                .transpose()?;
+            progress.stage("Measuring");
             let moving = built(&moving, progress)?;
-            let around = Around { scene: scene.as_deref(), moving: &moving, wait };
+            let around =
+                Around { scene: scene.as_deref(), moving: &moving, wait, database: database.as_deref() };
             Ok(oncue::measure(&motion, &around, &task, complete, action_from, &settings))
         },
         |py, measured| Ok(json::to_python(py, &measured)?.unbind()),

@@ -102,10 +102,16 @@ pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     })?;
     // The name must outlast a power cut as the bytes do; where a folder cannot be synced there is nothing to be done.
     #[cfg(unix)]
-    if let Some(Ok(folder)) = path.parent().map(std::fs::File::open) {
-        let _ = folder.sync_all();
-    }
+    let _ = sync_folder_of(path);
     Ok(())
+}
+
+/// Has what is in a file's folder outlast a power cut.
+#[cfg(unix)]
+fn sync_folder_of(path: &Path) -> std::io::Result<()> {
+    // A bare name lies in the current folder, whose name is not empty to the system.
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    std::fs::File::open(folder)?.sync_all()
 }
 
 /// A new file beside `path` that nobody else writes, and no link of somebody else's.
@@ -191,6 +197,47 @@ mod tests {
         assert_eq!(std::fs::read(&path).expect("read"), b"whole");
         assert_eq!(std::fs::read(part(0)).expect("read"), b"left");
         assert!(!folder.join("elsewhere").exists());
+        std::fs::remove_dir_all(&folder).expect("removed");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn through_a_linked_folder_it_is_written_where_that_leads_and_a_link_in_its_place_gives_way() {
+        let folder = std::env::temp_dir().join(format!("oncue-links-{}", std::process::id()));
+        let real = folder.join("real");
+        std::fs::create_dir_all(&real).expect("a folder");
+        let linked = folder.join("linked");
+        std::os::unix::fs::symlink(&real, &linked).expect("linked");
+        write_whole(&linked.join("kept"), b"one").expect("written");
+        assert_eq!(std::fs::read(real.join("kept")).expect("read"), b"one");
+        assert!(linked.is_symlink());
+        // What a link in its place leads to is somebody else's.
+        let others = folder.join("others");
+        std::fs::write(&others, b"others").expect("written");
+        std::os::unix::fs::symlink(&others, real.join("link")).expect("linked");
+        write_whole(&linked.join("link"), b"two").expect("written");
+        assert_eq!(std::fs::read(&others).expect("read"), b"others");
+        assert!(!real.join("link").is_symlink());
+        // Nothing is left beside them, and a folder that leads nowhere is an error of its own name.
+        assert_eq!(std::fs::read_dir(&real).expect("a folder").count(), 2);
+        std::fs::remove_dir_all(&real).expect("removed");
+        let error = write_whole(&linked.join("kept"), b"three").expect_err("nowhere");
+        assert!(error.to_string().contains("kept"), "{error}");
+        std::fs::remove_dir_all(&folder).expect("removed");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn the_folder_of_a_file_is_synced_wherever_it_is() {
+        let folder = std::env::temp_dir().join(format!("oncue-sync-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let linked = folder.join("linked");
+        std::os::unix::fs::symlink(&folder, &linked).expect("linked");
+        for path in [folder.join("kept"), linked.join("kept"), PathBuf::from("kept"), PathBuf::from("./kept")]
+        {
+            sync_folder_of(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        }
+        assert!(sync_folder_of(&folder.join("gone/kept")).is_err());
         std::fs::remove_dir_all(&folder).expect("removed");
     }
 }

@@ -118,10 +118,10 @@ pub fn synthesize_along(
     laps.done("edit");
 
     progress.stage("Measuring");
-    let around = Around { scene: Some(stays.unwrap_or(scene)), moving: &[], wait: 0 };
+    let around =
+        Around { scene: Some(stays.unwrap_or(scene)), moving: &[], wait: 0, database: Some(database) };
     let measured = measure(&motion, &around, task, complete, action_from, settings);
-    let Measured { cues, foot, penetration, mut body, .. } = measured;
-    body.pose_distance = Some(pose_distance_figures(&motion, database.known_poses(), around.scene));
+    let Measured { cues, foot, penetration, body, .. } = measured;
     let sits = kept.end == EpisodeEnd::Complete && task.cue.seat_height().is_some();
     let spans = segments(motion.len(), action_from.filter(|_| sits), complete);
     let style = StyleValues::of(&motion, task.start.position.z, &spans).medians();
@@ -201,6 +201,8 @@ pub struct Around<'a> {
     pub moving: &'a [MovingObject],
     /// Frames that the person waits before the motion begins.
     pub wait: usize,
+    /// The library that the motion is made of, from whose poses its own are told apart.
+    pub database: Option<&'a MotionDatabase>,
 }
 
 /// Measures a motion for a task. `complete`: the frame at which the cue is to be met; `action_from`:
@@ -218,7 +220,9 @@ pub fn measure(
     let ignore_below = settings.reward.ignore_below;
     let surroundings = around.scene.map(|scene| Surroundings::of(scene, &task.cue, action_from, settings));
     let cues: Vec<_> = residual(&task.cue, motion, complete).into_iter().collect();
-    let body = body_figures(motion, floor, surroundings.as_ref());
+    let mut body = body_figures(motion, floor, surroundings.as_ref());
+    body.pose_distance =
+        around.database.map(|database| pose_distance_figures(motion, database.known_poses(), around.scene));
     let mut problems = missed(&cues);
     problems.extend(body.problems(&settings.report));
     Measured {

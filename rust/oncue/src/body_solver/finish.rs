@@ -336,6 +336,52 @@ mod tests {
         }
     }
 
+    /// Whatever is asked: where no matrix can be factorized, and where no step makes it better.
+    #[test]
+    fn what_has_no_solution_comes_to_an_end() {
+        let hand = Joint::LeftHand;
+        let to = |target: Vec3, sigma: f32| Term::Point {
+            joint: hand,
+            offset: Vec3::ZERO,
+            target,
+            sigma: Vec3::splat(sigma),
+        };
+        let plane =
+            |least: f32| Term::Plane { joint: hand, offset: Vec3::ZERO, normal: Vec3::Z, least, sigma: 1e-3 };
+        let asked = [
+            to(Vec3::NAN, 3e-4),
+            to(Vec3::INFINITY, 3e-4),
+            to(Vec3::splat(3e38), 3e-4),
+            to(Vec3::splat(1e30), 1e-30),
+            to(Vec3::ZERO, 0.0),
+            to(Vec3::ZERO, f32::NAN),
+            plane(f32::INFINITY),
+            plane(f32::NAN),
+            plane(3e38),
+            Term::Facing { yaw: f32::NAN, sigma: 0.2 },
+        ];
+        for (number, term) in asked.into_iter().enumerate() {
+            let (sender, receiver) = std::sync::mpsc::channel();
+            std::thread::spawn(move || {
+                let postures = vec![Posture::default(); 9];
+                let degrees = DegreesOfFreedom::for_joints(&[hand], &[]);
+                let mut terms = vec![Vec::new(); 9];
+                terms[4].push(term);
+                let span = Span {
+                    postures: &postures,
+                    joins: [true; 2],
+                    degrees: &degrees,
+                    terms: &terms,
+                    found: None,
+                    spread: FADE_FRAMES,
+                };
+                sender.send(correct(&span, &Progress::new()).map(|postures| postures.len()))
+            });
+            let ended = receiver.recv_timeout(std::time::Duration::from_secs(20));
+            assert!(matches!(ended, Ok(Ok(9))), "{number}: {ended:?}");
+        }
+    }
+
     #[test]
     fn a_single_pin_is_met_and_fades_away() {
         let postures = vec![Posture::default(); 61];
