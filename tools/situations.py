@@ -407,6 +407,19 @@ def in_metres() -> str:
     return re.sub(r"OFFSET (\S+) (\S+) (\S+)", smaller, head) + motion + tail
 
 
+def toy() -> str:
+    """The walk with thighs and shins of a third of their length."""
+    shorter, lines = False, []
+    for line in walk().splitlines():
+        words = line.split()
+        if words[:1] == ["JOINT"]:
+            shorter = words[1] in ("LeftLeg", "RightLeg", "LeftFoot", "RightFoot")
+        elif words[:1] == ["OFFSET"] and shorter:
+            line, shorter = "OFFSET " + " ".join(f"{0.33 * float(word):.6f}" for word in words[1:]), False
+        lines.append(line + "\n")
+    return "".join(lines)
+
+
 def exported(suffix: str) -> Path:
     """The walk as an armature, as Blender exports it."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
@@ -457,6 +470,7 @@ CAPTURES = [
     Situation("line ends of another system", lambda: walk().replace("\n", "\r\n"), r"is used \(walk"),
     Situation("decimal commas", lambda: walk().replace(".", ","), r"is used \(walk"),
     Situation("places in metres", in_metres, r"is used \(walk"),
+    Situation("a toy's legs", toy, "left out.*times as long as its trunk"),
     Situation("the walk as .fbx", lambda: exported(".fbx"), r"is used \(walk"),
     Situation("the walk as .glb", lambda: exported(".glb"), r"is used \(walk"),
     Situation("a .glb without an armature", without_armature, "it holds no armature"),

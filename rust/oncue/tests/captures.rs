@@ -156,6 +156,44 @@ fn knees_that_bend_against_the_toes_are_no_persons() {
     assert!(reason.contains("knees bend forward of its toes"), "{reason}");
 }
 
+/// A `.bvh` whose thighs and shins are so many times as long.
+fn with_legs(text: &str, times: f32) -> String {
+    let mut scaled = false;
+    let lines = text.lines().map(|line| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["JOINT", name] => {
+                scaled = name.ends_with("Leg") && !name.ends_with("UpLeg") || name.ends_with("Foot")
+            }
+            ["End", _] => scaled = false,
+            ["OFFSET", x, y, z] if scaled => {
+                let times = |word: &str| times * word.parse::<f32>().unwrap();
+                return format!("OFFSET {} {} {}\n", times(x), times(y), times(z));
+            }
+            _ => {}
+        }
+        format!("{line}\n")
+    });
+    lines.collect()
+}
+
+#[test]
+fn legs_like_nobodys_are_named() {
+    let (folder, walk) = (Folder::new("legs"), walk());
+    let text = Written::default().text(&walk);
+    for times in [0.3, 3.0] {
+        let Err(Error::Input(said)) = only(folder.write("take.bvh", &with_legs(&text, times))) else {
+            panic!("it was read")
+        };
+        assert!(said.contains("times as long as its trunk"), "{said}");
+    }
+    // A child's, and those of somebody very tall.
+    for times in [0.65, 1.0, 1.3] {
+        let (capture, _) = read(&folder, &with_legs(&text, times));
+        assert!(capture.seconds[&ActionLabel::Walk] > 3.0, "{times}: {:?}", capture.seconds);
+    }
+}
+
 #[test]
 fn a_rate_that_cannot_be_is_questioned() {
     let (folder, walk) = (Folder::new("rate"), walk());

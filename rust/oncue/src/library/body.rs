@@ -1,4 +1,5 @@
-//! A reading tested against a body: knees bend backwards, toes point forward, both arms and legs have one left.
+//! A reading tested against a body: knees bend backwards, toes point forward, both arms and legs have one left, and legs are
+//! as long as legs are.
 
 use glam::Vec3;
 
@@ -14,6 +15,11 @@ const POSES: usize = 200;
 const LEAST_BEND: f64 = 0.03;
 /// Knees or toes that speak for the other side by this much mean it.
 const DECIDED: f32 = 0.3;
+
+/// Thigh and shin together, in lengths of the trunk from the hips' line to the shoulders': 1.7 of adults, 1.1 of a child of
+/// one year. Beyond these nobody is who walks.
+const LEAST_LEGS: f32 = 0.85;
+const MOST_LEGS: f32 = 3.5;
 
 /// How knees and toes speak for the sides, −1 (the other way round) to 1; 0 where they say nothing.
 ///
@@ -85,6 +91,30 @@ pub(crate) fn arms_against_legs(file: &MocapFile, table: &JointTable) -> f32 {
         count += 1;
     });
     sum / count.max(1) as f32
+}
+
+/// Tests how long the legs are beside the trunk: what a toy's short legs do, put on a person's, is nothing that a person does.
+///
+/// # Errors
+/// A sentence where no person is made so.
+pub(crate) fn check_legs(file: &MocapFile, table: &JointTable) -> Result<(), String> {
+    let (mut legs, mut trunk) = (0.0f32, 0.0f32);
+    each_pose(file, |pose| {
+        let at = |j: Joint| table.get(j).map_or(Vec3::ZERO, |i| pose.positions[i]);
+        let middle = |joints: [Joint; 2]| 0.5 * (at(joints[0]) + at(joints[1]));
+        for [hip, knee, ankle] in [[LeftUpLeg, LeftLeg, LeftFoot], [RightUpLeg, RightLeg, RightFoot]] {
+            legs += 0.5 * (at(hip).distance(at(knee)) + at(knee).distance(at(ankle)));
+        }
+        trunk += middle([LeftUpLeg, RightUpLeg]).distance(middle([LeftArm, RightArm]));
+    });
+    let lengths = legs / trunk;
+    if lengths.is_nan() || (LEAST_LEGS..MOST_LEGS).contains(&lengths) {
+        return Ok(());
+    }
+    Err(format!(
+        "its legs are {lengths:.1} times as long as its trunk, a person's about 1.7 times: it is a figure of other proportions, \
+         or its joints are not what they are called."
+    ))
 }
 
 /// Puts exchanged sides right and says so.

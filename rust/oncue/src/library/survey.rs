@@ -108,6 +108,7 @@ pub(super) fn survey(
         ));
     }
     let exchanged = body::mend_sides(&file, &mut table)?;
+    body::check_legs(&file, &table)?;
     let up_scores = match sidecar.up {
         Some(up) => UpScores::told(up),
         None => up_scores(&file, &table, &mut notes),
