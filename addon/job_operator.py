@@ -20,6 +20,7 @@ from . import log, native
 from .bridge import session
 from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .pipeline import Run, Steps, run_blocking
+from .speaking import AT_WORK, Speaking
 
 #: Seconds between two looks at the work.
 TICK = 0.05
@@ -134,7 +135,7 @@ class JobHandle(Notice):
 handle = JobHandle()
 
 
-class JobOperator:
+class JobOperator(Speaking):
     """Mixin of a Blender operator. Its class gives `title`, `begin` and `finish`, and may `keep` what it made."""
 
     title = "Working"
@@ -156,8 +157,7 @@ class JobOperator:
     @classmethod
     def poll(cls, _context: bpy.types.Context) -> bool:
         if handle.run is not None:
-            cls.poll_message_set("Oncue is at work: wait for it, or press Esc to cancel")
-            return False
+            return cls.cannot(AT_WORK)
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -176,7 +176,7 @@ class JobOperator:
         if bpy.app.background or context.window is None:
             return self.execute(context)
         if handle.run is not None:
-            self.report({"WARNING"}, "Oncue is already at work.")
+            self.say({"WARNING"}, "Oncue is already at work.")
             return {"CANCELLED"}
         try:
             with log.bugs():
@@ -197,7 +197,7 @@ class JobOperator:
         run = self._run
         if run is not handle.run:  # ended here, or from elsewhere
             redraw_sidebars(context)
-            self.report({"INFO"}, handle.message or self.stopped_note)
+            self.say({"INFO"}, handle.message or self.stopped_note)
             return {"CANCELLED"}
         if event.type == "TIMER":
             redraw_sidebars(context)
@@ -258,7 +258,7 @@ class JobOperator:
         helped = error if isinstance(error, CharacterError | EdgeError | ScaleError) else None
         handle.say(message, failed=failed, error=helped)
         log.logger.log(logging.ERROR if failed else logging.INFO, message)
-        self.report({"ERROR" if failed else "INFO"}, message)
+        self.say({"ERROR" if failed else "INFO"}, message)
         return {"CANCELLED"}
 
 

@@ -20,6 +20,7 @@ from .job_operator import handle
 from .operators.follow import following
 from .operators.synthesize import library_cache, unwritten
 from .pipeline import Progress
+from .sentences import told
 
 CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
 #: A list that is no longer is open at first; of a longer one so many lines are shown.
@@ -106,7 +107,7 @@ def _draw_captures(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
         return
     left_out = sum(not capture["clip"] for capture in captures)
     header, body = layout.panel("oncue_captures", default_closed=len(captures) > SHORT_LIST and not left_out)
-    header.label(text=f"{len(captures)} Captures" + (f", {left_out} Left Out" if left_out else ""))
+    header.label(text=told(f"{len(captures)} Captures" + (f", {left_out} Left Out" if left_out else "")))
     if not body:
         return
     # Those that gave nothing come first: they want something done.
@@ -116,7 +117,7 @@ def _draw_captures(context: bpy.types.Context, layout: bpy.types.UILayout) -> No
         for said in [*capture["notes"], *filter(None, [capture["reason"]])]:
             write_lines(context, column, said, "BLANK1")
     if len(captures) > LONGEST_LIST:
-        body.label(text=f"and {len(captures) - LONGEST_LIST} more")
+        body.label(text=told(f"and {len(captures) - LONGEST_LIST} more"))
 
 
 def capture_line(capture: dict) -> str:
@@ -169,7 +170,7 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
             progress = handle.run.progress()
             stage = "Stopping" if handle.run.cancelled else progress.stage or handle.title
             stage = f"Waits for {handle.awaited}" if handle.awaited else stage
-            row.progress(factor=min(max(progress.fraction, 0.0), 1.0), text=stage)
+            row.progress(factor=min(max(progress.fraction, 0.0), 1.0), text=told(stage))
             layout.operator("oncue.cancel", text="Cancel (Esc)", icon="CANCEL")
         else:
             row.operator("oncue.synthesize", icon="ARMATURE_DATA")
@@ -197,11 +198,11 @@ class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
             said = "The cues have changed since: this motion belongs to where they were."
             write_lines(context, column, said, "INFO")
         for line, icon in lines:
-            column.label(text=line, icon=icon)
+            column.label(text=told_line(line), icon=icon)
         if deepest:
             row = column.row(align=True)
-            row.label(text=deepest[0], icon="BLANK1")
-            row.operator("oncue.go_to_frame", text=f"Frame {deepest[1]}", icon="TIME").frame = deepest[1]
+            row.label(text=told_line(deepest[0]), icon="BLANK1")
+            row.operator("oncue.go_to_frame", text=told(f"Frame {deepest[1]}"), icon="TIME").frame = deepest[1]
         for problem in problems:
             write_lines(context, layout.box(), problem, "ERROR")
 
@@ -221,7 +222,7 @@ class ONCUE_PT_messages(OncuePanel, bpy.types.Panel):
         layout = self.layout
         if handle.run is not None:
             for line, icon in progress_lines(handle.run.progress()):
-                layout.label(text=line, icon=icon)
+                layout.label(text=told(line), icon=icon)
             if handle.awaited:
                 said = f"The result is ready and belongs to the scene {handle.awaited}: show it, and it is written."
                 write_lines(context, layout, said, "INFO")
@@ -268,7 +269,7 @@ class ONCUE_PT_edit(OncuePanel, bpy.types.Panel):
         if not pins:
             return
         header, body = layout.panel("oncue_pins", default_closed=len(pins) > SHORT_LIST)
-        header.label(text=f"{len(pins)} Pins and Keys" if len(pins) > 1 else "1 Pin or Key")
+        header.label(text=told(f"{len(pins)} Pins and Keys" if len(pins) > 1 else "1 Pin or Key"))
         header.operator("oncue.remove_pins", text="", icon="TRASH", emboss=False)
         if body:
             _draw_pins(body.column(align=True), pins)
@@ -280,7 +281,7 @@ def _draw_pins(column: bpy.types.UILayout, pins: list[Pin]) -> None:
         row.label(text=pin.title, icon="KEY_HLT" if pin.is_key else "PINNED")
         row.operator("oncue.remove_pin", text="", icon="X", emboss=False).index = index
     if len(pins) > LONGEST_LIST:
-        column.label(text=f"and {len(pins) - LONGEST_LIST} more")
+        column.label(text=told(f"and {len(pins) - LONGEST_LIST} more"))
 
 
 def result_lines(report: dict) -> list[tuple[str, str]]:
@@ -289,9 +290,9 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
     for cue in report.get("cues", []):
         lines.append((f"{cue['cue']}: {'met' if cue['met'] else 'not met'}", "CHECKMARK" if cue["met"] else "ERROR"))
         lines.append((f"    Pelvis {cue['pelvis_cm']:.1f} cm, facing {cue['facing_degrees']:.1f}°", "BLANK1"))
-        for side, miss in zip(("Left", "Right"), cue.get("feet_cm", (None, None)), strict=True):
+        for foot, miss in zip(("Left foot", "Right foot"), cue.get("feet_cm", (None, None)), strict=True):
             if miss is not None:
-                lines.append((f"    {side} foot {miss:.1f} cm", "BLANK1"))
+                lines.append((f"    {foot} {miss:.1f} cm", "BLANK1"))
     lines += _met_lines((report.get("edited") or {}).get("constraints", []), skip={c["cue"] for c in report["cues"]})
     lines += _met_lines(report.get("artist", {}).get("constraints", []), skip=set())
     if "foot" in report:
@@ -322,11 +323,11 @@ def _clipping_lines(penetration: dict) -> list[tuple[str, str]]:
     """In how many frames limbs are in the scene, and any part at all: which part most."""
     lines = [(f"Clipping: legs or arms in {penetration['percent']:.1f} % of the frames", "BLANK1")]
     parts = penetration.get("parts_percent") or {}
-    whole = f"    any part in {penetration['whole_body_percent']:.1f} %"
-    if parts:
-        worst = max(parts, key=parts.get)
-        whole += f", most the {worst} ({parts[worst]:.1f} %)"
-    return [*lines, (whole, "BLANK1")]
+    percent = penetration["whole_body_percent"]
+    if not parts:
+        return [*lines, (f"    any part in {percent:.1f} %", "BLANK1")]
+    worst = max(parts, key=parts.get)
+    return [*lines, (f"    any part in {percent:.1f} %, most the {worst} ({parts[worst]:.1f} %)", "BLANK1")]
 
 
 def _met_lines(constraints: list[dict], skip: set[str]) -> list[tuple[str, str]]:
@@ -362,11 +363,11 @@ def _draw_manifold(column: bpy.types.UILayout, settings) -> None:
 
 def progress_lines(progress: Progress) -> list[tuple[str, str]]:
     """What a run tells besides its stage, as (line, icon)."""
-    left = f", about {progress.remaining_s:.0f} s left" if progress.remaining_s is not None else ""
-    lines = [(f"{progress.elapsed_s:.0f} s{left}", "TIME")]
+    taken, left = f"{progress.elapsed_s:.0f} s", progress.remaining_s
+    lines = [(taken if left is None else f"{taken}, about {left:.0f} s left", "TIME")]
     if progress.update:
-        learnt = f"success {progress.success_rate * 100:.0f} %, reward {progress.reward:.2f}"
-        lines.append((f"Update {progress.update}, {learnt}", "BLANK1"))
+        success, reward = 100.0 * progress.success_rate, progress.reward
+        lines.append((f"Update {progress.update}, success {success:.0f} %, reward {reward:.2f}", "BLANK1"))
     return lines
 
 
@@ -384,11 +385,17 @@ def following_line(context: bpy.types.Context) -> tuple[str, str]:
     return ("Drag a cue" if follower.delay is None else f"Followed in {1000 * follower.delay:.0f} ms"), "INFO"
 
 
+def told_line(line: str) -> str:
+    """A line in the language of the interface, as far in as it was."""
+    words = line.lstrip()
+    return line[: len(line) - len(words)] + told(words)
+
+
 def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:
     """A sentence over as many lines as the sidebar's width asks for."""
     width = context.region.width / context.preferences.system.ui_scale if context.region else 240
     column = layout.column(align=True)
-    for k, line in enumerate(textwrap.wrap(text, max(int((width - 50) / CHARACTER_WIDTH), 16))):
+    for k, line in enumerate(textwrap.wrap(told(text), max(int((width - 50) / CHARACTER_WIDTH), 16))):
         column.label(text=line, icon=icon if k == 0 else "BLANK1")
 
 

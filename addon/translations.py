@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What Oncue's buttons, settings and tooltips say, in the languages that there is a file of in `languages/`.
 
-A file is named by its language (`de.json`) and maps what is said in English to what is said in it. What is left out
-stays English; what a run says of a scene is English everywhere.
+A file is named by its language (`de.json`) and maps what is said in English to what is said in it: words, sentences,
+and templates of sentences (`sentences.py`). What is left out stays English, as what the core says of a scene and a
+motion does.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ import json
 from pathlib import Path
 
 import bpy
+
+from .sentences import speaker
 
 FOLDER = Path(__file__).with_name("languages")
 #: Blender looks the label of an operator up in a context of its own, and all else in that of no context.
@@ -27,8 +30,12 @@ def messages() -> dict[str, dict[tuple[str, str], str]]:
 
 
 def register() -> None:
-    bpy.app.translations.register(__package__, messages())
+    known = messages()
+    bpy.app.translations.register(__package__, known)
+    english = {text for catalogue in known.values() for _, text in catalogue}
+    speaker.learn(english, bpy.app.translations.pgettext_iface)
 
 
 def unregister() -> None:
+    speaker.forget()
     bpy.app.translations.unregister(__package__)

@@ -93,7 +93,7 @@ def _foot(context, depsgraph, kind: str, cue: bpy.types.Object, metres_per_unit:
         return None
     if len(feet) > 1:
         names = ", ".join(foot.name for foot in feet)
-        raise SceneError(f"{cue.name} has {len(feet)} {kind.replace('_', ' ')} cues ({names}): keep one.")
+        raise SceneError(f"{cue.name} has {len(feet)} cues for one foot ({names}): keep one.")
     return _position(feet[0], depsgraph, metres_per_unit)
 
 

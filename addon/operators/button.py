@@ -8,9 +8,10 @@ import traceback
 import bpy
 
 from .. import native
+from ..speaking import Speaking
 
 
-class Button:
+class Button(Speaking):
     """Mixin of an operator that is one undo step. Its class gives `act`; what that refuses is shown as a sentence."""
 
     bl_options = {"REGISTER", "UNDO"}
@@ -23,10 +24,10 @@ class Button:
         try:
             self.act(context)
         except native.expected_errors() as error:
-            self.report({"ERROR"}, native.sentence(error))
+            self.say({"ERROR"}, native.sentence(error))
             return {"CANCELLED"}
         except Exception as error:
             traceback.print_exception(error)
-            self.report({"ERROR"}, f"{self.bl_label} ended by {native.bug_sentence(error)} The console tells more.")
+            self.say({"ERROR"}, f"{self.bl_label} ended by {native.bug_sentence(error)} The console tells more.")
             return {"CANCELLED"}
         return {"FINISHED"}

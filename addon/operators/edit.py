@@ -35,8 +35,7 @@ class ONCUE_OT_pin(Button, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.mode != "POSE" or context.active_object != context.scene.oncue.character:
-            cls.poll_message_set("Select bones of the character in pose mode")
-            return False
+            return cls.cannot("Select bones of the character in pose mode")
         return True
 
     def invoke(self, context: bpy.types.Context, _event) -> set[str]:
@@ -100,9 +99,9 @@ class ONCUE_OT_resolve(JobOperator, bpy.types.Operator):
     def finish(self, context: bpy.types.Context, value: EditOutcome) -> None:
         touched = session.write_edit(context, self._request, self._take, value, self._said)
         if touched is None:
-            self.report({"INFO"}, "The motion already fits: nothing has changed.")
+            self.say({"INFO"}, "The motion already fits: nothing has changed.")
         else:
-            self.report({"INFO"}, f"Frames {touched[0]} to {touched[1]} were adapted.")
+            self.say({"INFO"}, f"Frames {touched[0]} to {touched[1]} were adapted.")
 
 
 register, unregister = bpy.utils.register_classes_factory(

@@ -188,14 +188,11 @@ class ONCUE_OT_follow_cues(Button, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if bpy.app.background:
-            cls.poll_message_set(NEEDS_WINDOW)
-            return False
+            return cls.cannot(NEEDS_WINDOW)
         if handle.run is not None:
-            cls.poll_message_set("Oncue is at work: wait for it, or press Esc to cancel")
-            return False
+            return cls.cannot(AT_WORK)
         if not following.on and session.current_report(context.scene) is None:
-            cls.poll_message_set("There is no motion to begin with: press Synthesize first")
-            return False
+            return cls.cannot("There is no motion to begin with: press Synthesize first")
         return True
 
     def act(self, context: bpy.types.Context) -> None:

@@ -79,8 +79,7 @@ class ONCUE_OT_add_action(JobOperator, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         armature = context.active_object
         if armature is None or armature.type != "ARMATURE" or armature.mode == "EDIT":
-            cls.poll_message_set("Select an armature that plays an action, out of edit mode")
-            return False
+            return cls.cannot("Select an armature that plays an action, out of edit mode")
         return super().poll(context)
 
     def invoke(self, context: bpy.types.Context, event) -> set[str]:
@@ -105,7 +104,7 @@ class ONCUE_OT_add_action(JobOperator, bpy.types.Operator):
             paths.append(path.with_name(name))
             write_whole(paths[-1], taken.text)
         add_paths(context.scene.oncue, paths)
-        self.report({"INFO"}, f"Added {', '.join(path.name for path in paths)} to the library.")
+        self.say({"INFO"}, f"Added {', '.join(path.name for path in paths)} to the library.")
 
 
 class ONCUE_OT_remove_library(Button, bpy.types.Operator):
@@ -148,10 +147,10 @@ class ONCUE_OT_save_library(JobOperator, bpy.types.Operator):
         library, captures = value
         path = Path(bpy.path.abspath(self.filepath)).with_suffix(LIBRARY_SUFFIX)
         library.write(str(path))
-        self.report({"INFO"}, f"{path.name}: {library.clip_count} clips, {library.frame_count / 1800:.1f} minutes.")
+        self.say({"INFO"}, f"{path.name}: {library.clip_count} clips, {library.frame_count / 1800:.1f} minutes.")
         for capture in captures:
             if not capture["clip"]:
-                self.report({"WARNING"}, f"{Path(capture['file']).name} was left out: {capture['reason']}")
+                self.say({"WARNING"}, f"{Path(capture['file']).name} was left out: {capture['reason']}")
 
 
 class ONCUE_OT_read_library(JobOperator, bpy.types.Operator):
@@ -172,7 +171,7 @@ class ONCUE_OT_read_library(JobOperator, bpy.types.Operator):
         library, captures = value
         used = sum(bool(capture["clip"]) for capture in captures)
         minutes = library.frame_count / 1800
-        self.report({"INFO"}, f"{used} of {len(captures)} captures are used; the library has {minutes:.1f} minutes.")
+        self.say({"INFO"}, f"{used} of {len(captures)} captures are used; the library has {minutes:.1f} minutes.")
 
 
 CLASSES = (

@@ -51,9 +51,9 @@ class ONCUE_OT_train_manifold(JobOperator, bpy.types.Operator):
             f"and {errors['rotation_error_degrees']:.1f}°"
         )
         if errors["joint_error_cm"] > LEARNT:
-            self.report({"WARNING"}, f"{line}: more captures or more passes would hold edits nearer to your motion.")
+            self.say({"WARNING"}, f"{line}: more captures or more passes would hold edits nearer to your motion.")
         else:
-            self.report({"INFO"}, f"{line}.")
+            self.say({"INFO"}, f"{line}.")
 
 
 register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_train_manifold,))

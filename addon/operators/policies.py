@@ -21,7 +21,7 @@ class ONCUE_OT_clear_policies(Button, bpy.types.Operator):
 
     def act(self, context: bpy.types.Context) -> None:
         count = policy_cache(context).clear(self.file)
-        self.report({"INFO"}, f"{count} kept {'policy' if count == 1 else 'policies'} deleted.")
+        self.say({"INFO"}, "1 kept policy deleted." if count == 1 else f"{count} kept policies deleted.")
 
 
 register, unregister = bpy.utils.register_classes_factory((ONCUE_OT_clear_policies,))

@@ -50,8 +50,8 @@ class ONCUE_OT_toggle_exclude(Button, bpy.types.Operator):
                 thing[EXCLUDE_KEY] = True
             elif EXCLUDE_KEY in thing:
                 del thing[EXCLUDE_KEY]
-        word = "walks through" if exclude else "minds"
-        self.report({"INFO"}, f"The character {word} {', '.join(thing.name for thing in chosen)}.")
+        names = ", ".join(thing.name for thing in chosen)
+        self.say({"INFO"}, f"The character walks through {names}." if exclude else f"The character minds {names}.")
 
 
 class ONCUE_OT_reset_character(Button, bpy.types.Operator):
@@ -64,8 +64,7 @@ stray bones at rest, a person's size, at the same place"""
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if context.scene.oncue.character is None:
-            cls.poll_message_set("The scene has no character yet")
-            return False
+            return cls.cannot("The scene has no character yet")
         return True
 
     def act(self, context: bpy.types.Context) -> None:

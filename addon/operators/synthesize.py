@@ -32,9 +32,9 @@ class Made:
         action = session.write_outcome(context, self.request, self.outcome, self.skipped)
         problems = session.problems_of(session.report_of(action))
         for problem in problems:
-            operator.report({"WARNING"}, problem)
+            operator.say({"WARNING"}, problem)
         if not problems:
-            operator.report({"INFO"}, f"Oncue made the action {action.name}.")
+            operator.say({"INFO"}, f"Oncue made the action {action.name}.")
 
 
 class Unwritten:
@@ -91,11 +91,9 @@ class ONCUE_OT_write_motion(Button, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if handle.run is not None:
-            cls.poll_message_set("Oncue is at work: wait for it, or press Esc to cancel")
-            return False
+            return cls.cannot(AT_WORK)
         if unwritten.of(context.scene) is None:
-            cls.poll_message_set("No motion waits to be written")
-            return False
+            return cls.cannot("No motion waits to be written")
         return True
 
     def act(self, context: bpy.types.Context) -> None:

@@ -41,8 +41,10 @@ pub(super) fn on_another_level(scene: &SceneIndex, task: &Task) -> Option<Error>
                 .filter(|z| (place.z - z).abs() <= START_TOLERANCE)?
         }
     };
-    let (here, step) = (scene.floor_height(), scene.settings().floor_tolerance);
+    // A motion has one floor: feet would stand in a step, or over it, by all of its height.
+    let (here, step) = (scene.floor_height(), scene.settings().carpet_height);
     ((there - here).abs() > step).then(|| {
+        let (there, here) = (hundredths(there), hundredths(here));
         Error::Unreachable(format!(
             "{} cue ‘{}’ stands on another level than start ‘{}’: the floor there is at z = {there:.2} m, that of the start at \
              z = {here:.2} m, and the person takes no stairs and no step higher than {:.0} cm; move one of the two to the other's \
@@ -53,6 +55,11 @@ pub(super) fn on_another_level(scene: &SceneIndex, task: &Task) -> Option<Error>
             100.0 * step
         ))
     })
+}
+
+/// As a sentence tells a height: nothing is "-0.00".
+fn hundredths(metres: f32) -> f32 {
+    (100.0 * metres).round() / 100.0 + 0.0
 }
 
 /// World z of the surface that most of the places about `xy` have under `from`.

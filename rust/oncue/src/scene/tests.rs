@@ -729,6 +729,19 @@ fn storeys_are_floors_of_their_own() {
 }
 
 #[test]
+fn a_step_that_feet_would_stand_in_is_another_level() {
+    let here = task(Vec3::new(1.0, 1.0, 0.0), stop(2.0, 3.0));
+    for (step, taken) in [(0.015, true), (0.04, true), (0.07, false), (0.10, false), (0.18, false)] {
+        let mut up = here.clone();
+        up.cue.position.z += step;
+        let said = room().solid([1.2, 2.2, 0.0], [2.8, 3.8, step]).said(&up);
+        let refused = format!("the floor there is at z = {step:.2} m, that of the start at z = 0.00 m");
+        assert_eq!(said.contains(&refused), !taken, "{step}: {said}");
+        assert_eq!(said.is_empty(), taken, "{step}: {said}");
+    }
+}
+
+#[test]
 fn a_cue_in_the_middle_of_a_mattress_is_told_where_its_edge_is() {
     let here = Vec3::new(1.0, 1.0, 0.0);
     // 2 m deep and as wide as the bench's wall is long.
