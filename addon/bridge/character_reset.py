@@ -9,7 +9,7 @@ import bpy
 from mathutils import Matrix
 
 from . import compat
-from .bones import clear_channel, driven_bones, keyed_channels, leftovers, unwritten
+from .bones import bending_constraints, carriers, clear_channel, driven_bones, keyed_channels, leftovers, unwritten
 from .file_state import scale_fault
 from .scene_time import may_move
 
@@ -21,7 +21,7 @@ def reset_character(context: bpy.types.Context, character: bpy.types.Object, ske
         bpy.ops.object.mode_set(mode="OBJECT")
     character.data.pose_position = "POSE"
     if character.animation_data is not None:
-        _reset_animation(character.animation_data, names)
+        _reset_animation(character.animation_data, names, carriers([character.pose.bones[names[0]]]))
     _reset_bones(character, names)
     context.view_layer.update()
     if scale_fault(character, context.scene.oncue.scene_scale) or may_move(character, own_action=False):
@@ -29,15 +29,18 @@ def reset_character(context: bpy.types.Context, character: bpy.types.Object, ske
     context.view_layer.update()
 
 
-def _reset_animation(data: bpy.types.AnimData, names: list[str]) -> None:
+def _reset_animation(data: bpy.types.AnimData, names: list[str], over: list[str]) -> None:
     data.use_tweak_mode = False
     data.action_influence, data.action_blend_type = 1.0, "REPLACE"
     for track in data.nla_tracks:
         track.is_solo = False
-        if any(strip.action and unwritten(compat.data_paths(strip.action), names) for strip in track.strips):
+        if any(strip.action and unwritten(compat.data_paths(strip.action), names, over) for strip in track.strips):
             track.mute = True
-    for driver in driven_bones(data, names):
+    for driver in driven_bones(data, [*names, *over]):
         driver.mute = True
+    for driver in data.drivers:
+        if ".constraints[" in driver.data_path and driver.data_path.endswith("].mute"):
+            driver.mute = True
 
 
 def _reset_bones(character: bpy.types.Object, names: list[str]) -> None:
@@ -46,8 +49,8 @@ def _reset_bones(character: bpy.types.Object, names: list[str]) -> None:
     for bone in bones:
         bone.rotation_mode = "QUATERNION"
         bone.bone.use_inherit_rotation = bone.bone.use_local_location = True
-        for constraint in bone.constraints:
-            constraint.mute = True
+    for _, constraint in bending_constraints(bones):
+        constraint.mute = True
     for bone, channel, _ in leftovers(bones):
         if (bone.name, channel) not in keyed:
             clear_channel(bone, channel)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes in edit mode, as they will be once it is left."""
+"""Meshes in edit mode and in sculpt mode, as they will be once it is left."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .what_counts import things_of
 
 @contextmanager
 def copies_outside(context: bpy.types.Context) -> Iterator[dict[bpy.types.Object, bpy.types.Object]]:
-    """While the block runs, each object whose modifiers edit mode does not show has a copy outside edit mode beside it.
+    """While the block runs, each object whose modifiers its mode does not show has a copy outside of it beside it.
 
     Gives copy → object. Some modifiers never show in edit mode, and nothing says which. The edited mesh itself needs no
     copy: `to_mesh` gives it.
@@ -22,10 +22,13 @@ def copies_outside(context: bpy.types.Context) -> Iterator[dict[bpy.types.Object
     meshes: dict[bpy.types.Mesh, bpy.types.Mesh] = {}
     try:
         for thing in things_of(context.view_layer):
-            if not (thing.type == "MESH" and thing.data.is_editmode and _is_simplified(thing)):
+            if thing.type != "MESH" or not _is_simplified(thing):
                 continue
             if thing.data not in meshes:
-                thing.update_from_editmode()
+                if thing.data.is_editmode:
+                    thing.update_from_editmode()
+                else:  # what was sculpted is kept beside the mesh until then
+                    bpy.ops.ed.flush_edits()
                 meshes[thing.data] = thing.data.copy()
             copy = thing.copy()
             copies[copy] = thing
@@ -44,4 +47,8 @@ def copies_outside(context: bpy.types.Context) -> Iterator[dict[bpy.types.Object
 
 
 def _is_simplified(thing: bpy.types.Object) -> bool:
-    return any(modifier.show_viewport and not modifier.show_in_editmode for modifier in thing.modifiers)
+    """Whether its mode shows another mesh than what comes of it afterwards."""
+    shown = [modifier for modifier in thing.modifiers if modifier.show_viewport]
+    if thing.mode == "SCULPT":
+        return bool(shown) or thing.use_dynamic_topology_sculpting
+    return thing.data.is_editmode and any(not modifier.show_in_editmode for modifier in shown)

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import CharacterError, SceneError
 from . import compat
-from .bones import driven_bones, keyed_channels, leftovers, unwritten
+from .bones import bending_constraints, carriers, driven_bones, keyed_channels, leftovers, unwritten
 from .scene_time import frame_rate, may_move, moving
 from .what_counts import is_shown, things_of
 
@@ -131,15 +131,11 @@ def _hindrances(character: bpy.types.Object, names: list[str]) -> Iterator[str]:
     """What can be reset, each the rest of a sentence that begins with the character's name."""
     if character.data.pose_position == "REST":
         yield f"shows its rest position: set it to Pose Position (armature properties), {RESET}"
-    yield from _animation_hindrances(character.animation_data, names)
     bones = [character.pose.bones[bone] for bone in names]
+    yield from _animation_hindrances(character.animation_data, names, carriers(bones))
+    for bone, constraint in bending_constraints(bones):
+        yield f"has a constraint on {bone.name} ({constraint.name}), which would bend the motion: mute it, {RESET}"
     for bone in bones:
-        for constraint in bone.constraints:
-            if not constraint.mute and constraint.influence > 0.0:
-                yield (
-                    f"has a constraint on {bone.name} ({constraint.name}), which would bend the motion: mute it, "
-                    f"{RESET}"
-                )
         if not bone.bone.use_inherit_rotation:
             yield f"has a bone, {bone.name}, that does not inherit its parent's rotation: let it, {RESET}"
     if not bones[0].bone.use_local_location:
@@ -153,7 +149,8 @@ def _hindrances(character: bpy.types.Object, names: list[str]) -> Iterator[str]:
             )
 
 
-def _animation_hindrances(data: bpy.types.AnimData | None, names: list[str]) -> Iterator[str]:
+def _animation_hindrances(data: bpy.types.AnimData | None, names: list[str], over: list[str]) -> Iterator[str]:
+    """Of the skeleton's bones and those over it."""
     if data is None:
         return
     if data.use_tweak_mode:
@@ -172,12 +169,12 @@ def _animation_hindrances(data: bpy.types.AnimData | None, names: list[str]) -> 
             yield f"plays its NLA track {track.name} solo, and nothing else: take its star away, {RESET}"
     for track in tracks:
         for strip in track.strips:
-            if not strip.mute and strip.action is not None and unwritten(compat.data_paths(strip.action), names):
+            if not strip.mute and strip.action is not None and unwritten(compat.data_paths(strip.action), names, over):
                 yield (
                     f"has moved or scaled bones in its NLA strip {strip.name}, which would play on under the motion: "
                     f"mute the track {track.name}, {RESET}"
                 )
-    for driver in driven_bones(data, names):
+    for driver in driven_bones(data, [*names, *over]):
         if not driver.mute:
             yield f"has a driver on {driver.data_path}, which would overrule the motion: mute or delete it, {RESET}"
 

@@ -81,10 +81,11 @@ def may_move(thing: bpy.types.Object, *, own_action: bool = True, by_bones: bool
             played = compat.action_curves(data.action, one) if with_action and data.action is not None else []
             if tracks or len(data.drivers) or any(map(_varies, played)):
                 return True
-        if _is_simulated_body(one):
+        if _is_simulated_body(one) or (one is not thing and _is_path_that_runs(one)):
             return True
         constraints = [c for c in one.constraints if not c.mute and c.influence > 0.0]
-        if by_bones and one.pose is not None:
+        # What hangs on another goes along with its bones, whichever of them it hangs on.
+        if (by_bones or one is not thing) and one.pose is not None:
             bent = [c for bone in one.pose.bones for c in bone.constraints if not c.mute and c.influence > 0.0]
             constraints += [c for c in bent if getattr(c, "target", None) is not None or c.type == "ARMATURE"]
         targets = [getattr(c, "target", None) for c in constraints]
@@ -99,6 +100,11 @@ def may_move(thing: bpy.types.Object, *, own_action: bool = True, by_bones: bool
 def _varies(curve: bpy.types.FCurve) -> bool:
     values = [point.co.y for point in curve.keyframe_points]
     return bool(curve.modifiers) or (len(values) > 1 and max(values) - min(values) > 1e-6)
+
+
+def _is_path_that_runs(thing: bpy.types.Object) -> bool:
+    """Whether what hangs on a curve goes along it as time goes: by keys or drivers of the curve itself."""
+    return thing.type == "CURVE" and thing.data.animation_data is not None
 
 
 def _is_simulated_body(thing: bpy.types.Object) -> bool:

@@ -4,7 +4,7 @@ import bmesh
 import bpy
 import numpy as np
 import pytest
-from mathutils import Quaternion
+from mathutils import Quaternion, Vector
 
 from .runs import current_action, datablocks, keys_of, set_quick
 from .shapes import add_cube
@@ -93,6 +93,33 @@ def test_a_mesh_in_edit_mode_is_read_as_it_is_edited(context, oncue, modifier):
     after = read(context)
     assert np.array_equal(edited.triangles, after.triangles)
     assert np.allclose(edited.positions, after.positions, atol=1e-6)
+
+
+@pytest.mark.parametrize("modifier", [None, "MULTIRES", "SUBSURF", "ARRAY", "dynamic topology"])
+def test_a_mesh_that_is_sculpted_is_read_as_it_will_be(context, oncue, modifier):
+    read = oncue("bridge.scene_reader").read_scene
+    add_cube("Table")
+    box = add_cube("Box", location=(3, 0, 0))
+    context.view_layer.objects.active = box
+    if modifier == "MULTIRES":
+        box.modifiers.new("Modifier", modifier)
+        for _ in range(2):
+            bpy.ops.object.multires_subdivide(modifier="Modifier")
+    elif modifier and modifier.isupper():
+        box.modifiers.new("Modifier", modifier)
+    context.view_layer.update()
+    before = read(context)
+    bpy.ops.object.mode_set(mode="SCULPT")
+    if modifier == "dynamic topology":
+        bpy.ops.sculpt.dynamic_topology_toggle()
+    things = datablocks()
+    sculpted = read(context)
+    assert (context.mode, datablocks()) == ("SCULPT", things)
+    assert len(sculpted.triangles) == len(before.triangles)
+    # Sculpting with dynamic topology cuts faces into triangles in its own way.
+    if modifier != "dynamic topology":
+        assert np.array_equal(sculpted.triangles, before.triangles)
+    assert np.allclose(sculpted.positions, before.positions, atol=1e-5)
 
 
 def test_who_shares_the_edited_mesh_is_read_too(context, oncue):
@@ -318,7 +345,72 @@ def constraint(character):
     character.pose.bones["LeftHand"].constraints.new("LIMIT_ROTATION").name = "Stiff"
 
 
+def bone(character, name, parent=None, over=None):
+    """Gives the armature another bone: on one that is there, or over one."""
+    bpy.context.view_layer.objects.active = character
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = character.data.edit_bones
+    made = bones.new(name)
+    made.head = bones[parent].tail if parent else (0, 0, 0)
+    made.tail = made.head + Vector((0, 0, 0.2))
+    made.parent = bones[parent] if parent else None
+    if over:
+        bones[over].parent = made
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return character.pose.bones[name]
+
+
+def aim(place):
+    target = bpy.data.objects.new("Aim", None)
+    target.location = place
+    bpy.context.scene.collection.objects.link(target)
+    return target
+
+
+def constraint_over_the_hips(character):
+    bone(character, "Master", over="Hips").constraints.new("COPY_LOCATION").target = aim((1, 1, 0))
+
+
+def driver_over_the_hips(character):
+    bone(character, "Master", over="Hips").driver_add("location", 0).driver.expression = "1.0"
+
+
+def strip_over_the_hips(character):
+    master = bone(character, "Master", over="Hips")
+    data, before = character.animation_data, character.animation_data.action
+    data.action = bpy.data.actions.new("Carried")
+    master.rotation_mode = "XYZ"
+    master.rotation_euler.x = 1.0
+    master.keyframe_insert("rotation_euler", frame=1)
+    master.rotation_euler.x = 0.0
+    data.nla_tracks.new().strips.new("Carried", 1, data.action)
+    data.action = before
+
+
+def chain_of_another_bone(character):
+    bent = bone(character, "Glove", parent="LeftHand").constraints.new("IK")
+    bent.target, bent.chain_count = aim((0.5, -1, 1.5)), 4
+
+
+def driven_influence(character):
+    bent = character.pose.bones["Head"].constraints.new("COPY_ROTATION")
+    bent.target, bent.subtarget, bent.influence = character, "Hips", 0.0
+    bent.driver_add("influence").driver.expression = "frame > 20"
+
+
+def driven_mute(character):
+    bent = character.pose.bones["Head"].constraints.new("LIMIT_ROTATION")
+    bent.mute = True
+    bent.driver_add("mute").driver.expression = "frame < 20"
+
+
 BENT = {
+    "over the hips": (constraint_over_the_hips, r"constraint on Master \(Copy Location\)"),
+    "driven over the hips": (driver_over_the_hips, "driver on .*Master"),
+    "strip over the hips": (strip_over_the_hips, "moved or scaled bones in its NLA strip Carried"),
+    "another bone's chain": (chain_of_another_bone, r"constraint on Glove \(IK\)"),
+    "driven influence": (driven_influence, r"constraint on Head \(Copy Rotation\)"),
+    "driven mute": (driven_mute, r"constraint on Head \(Limit Rotation\)"),
     "influence": (lambda c: setattr(c.animation_data, "action_influence", 0.5), "0.5"),
     "blend": (lambda c: setattr(c.animation_data, "action_blend_type", "ADD"), "Add"),
     "solo": (solo, "solo"),
@@ -376,6 +468,15 @@ def test_settings_that_change_nothing_are_no_hindrance(character, oncue, core):
     for bone in character.pose.bones:
         bone.lock_rotation = bone.lock_location = (True, True, True)
     character.pose.bones["Head"].constraints.new("LIMIT_ROTATION").mute = True
+    synthesize()
+    assert worst_joint(oncue, core) < 1e-3
+
+
+def test_what_bends_no_bone_of_the_skeleton_is_no_hindrance(character, oncue, core):
+    bone(character, "Hat", parent="Head").constraints.new("COPY_LOCATION").target = aim((0, 0, 3))
+    far = bone(character, "Feather", parent="Hat").constraints.new("IK")
+    far.target, far.chain_count = aim((0, 0, 4)), 2
+    bone(character, "Mark").constraints.new("COPY_LOCATION").target = aim((2, 0, 0))
     synthesize()
     assert worst_joint(oncue, core) < 1e-3
 

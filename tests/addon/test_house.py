@@ -87,7 +87,8 @@ def at(z):
 
 
 def apart(there, here):
-    return rf"stands on another level than start ‘Start’: the floor there is at {at(there)}, that of the start at {at(here)}"
+    where = f"the floor there is at {at(there)}, that of the start at {at(here)}"
+    return f"stands on another level than start ‘Start’: {where}"
 
 
 #: Empty where it is played; what it is refused for.
@@ -112,7 +113,7 @@ TASKS = {
     (
         "under the floor",
         "sofa",
-    ): r"Start ‘Start’ stands inside furniture or a wall; move it to a free place on the floor\.",
+    ): "Start ‘Start’ stands inside furniture or a wall; move it to a free place",
 }
 
 

@@ -78,7 +78,34 @@ def test_what_moves_is_read_with_its_places_and_nothing_else_is(oncue):
     assert np.allclose(thing.at(15), corners, atol=1e-3)
 
 
-@pytest.mark.parametrize("how", ["keys", "driver", "parent", "constraint"])
+def path():
+    """A straight line that what hangs on it goes along in a second and a quarter."""
+    curve = bpy.data.curves.new("Path", "CURVE")
+    curve.dimensions, curve.use_path, curve.path_duration = "3D", True, 100
+    line = curve.splines.new("POLY")
+    line.points.add(1)
+    line.points[1].co = (1.5, 0, 0, 1)
+    for frame, share in ((1, 0), (31, 100)):
+        curve.eval_time = share
+        curve.keyframe_insert("eval_time", frame=frame)
+    thing = bpy.data.objects.new("Path", curve)
+    bpy.context.scene.collection.objects.link(thing)
+    return thing
+
+
+def rig(target):
+    """An armature without keys, whose bone a constraint moves."""
+    thing = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.scene.collection.objects.link(thing)
+    bpy.context.view_layer.objects.active = thing
+    bpy.ops.object.mode_set(mode="EDIT")
+    thing.data.edit_bones.new("Hinge").tail = (0, 0, 1)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    thing.pose.bones["Hinge"].constraints.new("COPY_LOCATION").target = target
+    return thing
+
+
+@pytest.mark.parametrize("how", ["keys", "driver", "parent", "constraint", "path", "parent path", "bone"])
 def test_it_makes_no_difference_where_the_playhead_stands(oncue, how):
     doorway(oncue)
     if how == "keys":
@@ -94,6 +121,12 @@ def test_it_makes_no_difference_where_the_playhead_stands(oncue, how):
             leaf.parent = mover
         elif how == "constraint":
             leaf.constraints.new("COPY_LOCATION").target = mover
+        elif how == "path":
+            leaf.constraints.new("FOLLOW_PATH").target = path()
+        elif how == "parent path":
+            leaf.parent = path()
+        elif how == "bone":
+            leaf.parent, leaf.parent_type, leaf.parent_bone = rig(mover), "BONE", "Hinge"
         else:
             driver = leaf.driver_add("location", 0).driver
             driver.expression = "frame / 20"
