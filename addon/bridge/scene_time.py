@@ -13,7 +13,7 @@ import numpy as np
 from . import compat
 
 #: Frames that are looked at to see whether a thing moves, seconds after the first.
-LOOKED_AT = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+LOOKED_AT = tuple(0.5 * half for half in range(33))
 #: How far the entries of a world matrix may differ for a thing that stands still.
 STANDS_STILL = 1e-4
 
@@ -54,6 +54,8 @@ TIMED = {
     "WARP",
     "WAVE",
 }
+#: Ways of hanging on an object by which that bends a mesh as a modifier would, without one.
+BENDING_PARENTS = {"ARMATURE", "LATTICE"}
 #: Nodes by which geometry nodes may be.
 TIMED_NODES = {
     "GeometryNodeCollectionInfo",
@@ -157,6 +159,9 @@ def may_deform(thing: bpy.types.Object, seen: frozenset[bpy.types.Object] = froz
     seen, data = seen | {thing}, thing.data
     keys = getattr(data, "shape_keys", None)
     if any(one is not None and one.animation_data is not None for one in (data, keys)):
+        return True
+    bent = thing.parent is not None and thing.parent_type in BENDING_PARENTS
+    if bent and any(may_move(one, by_bones=True) or may_deform(one, seen) for one in (thing, thing.parent)):
         return True
     shown = [modifier for modifier in thing.modifiers if modifier.show_viewport]
     if any(_varies_mesh(thing, modifier, seen) for modifier in shown):

@@ -543,13 +543,14 @@ def test_a_character_on_a_parent_that_stands_still_walks_in_the_world(character,
     assert worst_joint(oncue, core) < 1e-3
 
 
-@pytest.mark.parametrize("way", ["parent", "constraint", "strip"])
+@pytest.mark.parametrize("way", ["parent", "constraint", "strip", "there and back"])
 def test_a_character_that_is_carried_away_is_named(character, oncue, core, way):
     cart = add_cube("Cart", location=(3, -2, 0))
-    for frame, x in ((1, 3.0), (60, 5.0)):
+    goes = ((1, 3.0), (60, 5.0)) if way != "there and back" else ((1, 3.0), (110, 3.0), (130, 5.0), (150, 3.0))
+    for frame, x in goes:
         cart.location.x = x
         cart.keyframe_insert("location", frame=frame)
-    if way == "parent":
+    if way in ("parent", "there and back"):
         character.parent = cart
     elif way == "constraint":
         character.constraints.new("COPY_LOCATION").target = cart

@@ -218,7 +218,7 @@ def test_a_shape_key_that_is_keyed_and_stays_is_furniture_as_the_shot_begins(onc
     assert request.positions[request.triangles[of_blind]][..., 2].min() == pytest.approx(0.0, abs=1e-3)
 
 
-@pytest.mark.parametrize("how", ["modifier's keys", "driver", "nodes"])
+@pytest.mark.parametrize("how", ["modifier's keys", "driver", "nodes", "parent without a modifier"])
 def test_what_deforms_otherwise_is_read_too(oncue, how):
     doorway(oncue)
     stool = bpy.data.objects["Stool"]
@@ -232,6 +232,18 @@ def test_what_deforms_otherwise_is_read_too(oncue, how):
         tree.links.new(move.outputs[0], end.inputs[0])
         tree.links.new(clock.outputs["Seconds"], move.inputs["Translation"])
         stool.modifiers.new("Grow", "NODES").node_group = tree
+    elif how == "parent without a modifier":
+        armature = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+        bpy.context.scene.collection.objects.link(armature)
+        bpy.context.view_layer.objects.active = armature
+        bpy.ops.object.mode_set(mode="EDIT")
+        armature.data.edit_bones.new("Bone").tail = (0, 0, 1)
+        bpy.ops.object.mode_set(mode="OBJECT")
+        stool.vertex_groups.new(name="Bone").add(range(4), 1.0, "REPLACE")
+        stool.parent, stool.parent_type = armature, "ARMATURE"
+        for frame, y in ((1, 0.0), (50, 0.5)):
+            armature.pose.bones["Bone"].location.y = y
+            armature.pose.bones["Bone"].keyframe_insert("location", frame=frame)
     else:
         # A shear by a bend at the edge.
         bend = stool.modifiers.new("Bend", "SIMPLE_DEFORM")
