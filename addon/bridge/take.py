@@ -31,6 +31,8 @@ SAME = 2e-6
 LARGEST_TAKE = 500_000_000
 #: A key that is larger is a slip, scene units or a quaternion's.
 LARGEST_KEY = 1e6
+#: A quaternion that is shorter turns nothing.
+NO_LENGTH = 1e-6
 #: The least share of a take's keys that must be the run's own.
 LEAST_OF_RUN = 0.5
 #: What moves the armature object, and with it the whole take.
@@ -210,6 +212,14 @@ class Take:
                     f"{name} has keys between frames (the first at {between[0, 0]:.2f}), as moving or scaling "
                     "in time leaves them, and Re-solve works on whole frames: undo that, or snap them (Shift S)."
                 )
+        for joint, bone in enumerate(self.names):
+            lengths = np.linalg.norm(self.now[:, self._columns(joint)][:, -4:], axis=1)
+            (nowhere,) = np.nonzero(lengths < NO_LENGTH)
+            if len(nowhere):
+                frame = nowhere[0] + self.solved.start_frame
+                raise SceneError(
+                    f"{bone} of {name} has a rotation of no length at frame {frame}, which is none: delete its keys there."
+                )
         same = np.abs(self.now - self.written) <= SAME
         if same.mean() < LEAST_OF_RUN:
             raise SceneError(
@@ -258,6 +268,18 @@ class Take:
                 found[joint] = frames
         return found
 
+    def _check_nothing_lies_outside(self) -> None:
+        """Raises SceneError where the artist has keyed before or after the motion, where there is none to adapt."""
+        first, last = motion_frames(self.action)
+        for curve in self._curves().values():
+            frames = _coordinates(curve)[:, 0]
+            outside = frames[(frames < first) | (frames > last)]
+            if len(outside):
+                raise SceneError(
+                    f"{self.action.name} was keyed at frame {outside[0]:g} alone, outside of its motion's frames {first} "
+                    f"to {last}: pose a bone and key it within these, and press again."
+                )
+
     def _held(self) -> dict[int, set[int]]:
         """Joint → indices of the scene frames at which it stays as it is shown."""
         keys, gaps = self.artist_keys(), self.gaps()
@@ -273,6 +295,7 @@ class Take:
         artist, motion = self._held(), self.solved.motion
         pins = self._of_pins()
         if not artist and not pins:
+            self._check_nothing_lies_outside()
             raise SceneError(
                 "Nothing was keyed or pinned since the last solve: pose a bone and key it, or pin one, and press again."
             )

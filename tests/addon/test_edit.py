@@ -131,6 +131,28 @@ def test_a_keyed_joint_is_in_the_motion_and_named(made, take_of, motion, skeleto
     assert np.array_equal(posed.root_positions, motion.root_positions)
 
 
+@pytest.mark.parametrize("frame", [START - 5, START + FRAMES + 40])
+def test_a_key_outside_of_the_motion_is_named(oncue, made, take_of, frame):
+    character, _ = made()
+    turn(character, "LeftForeArm", frame, 0.7)
+    last = START + FRAMES - 1
+    words = rf"keyed at frame {frame} alone, outside of its motion's frames {START} to {last}: pose a bone"
+    with pytest.raises(oncue("errors").SceneError, match=words):
+        take_of(character).edit()
+    turn(character, "LeftForeArm", START + 20, 0.7)
+    assert len(take_of(character).edit()[1]) == 1
+
+
+def test_a_rotation_of_no_length_is_named_with_the_scenes_frame(oncue, made, take_of):
+    character, action = made()
+    for curve in oncue("bridge.compat").action_curves(action):
+        if curve.data_path == 'pose.bones["LeftArm"].rotation_quaternion':
+            curve.keyframe_points[20].co.y = 0.0
+    words = rf"LeftArm of Stroll has a rotation of no length at frame {START + 20}, which is none"
+    with pytest.raises(oncue("errors").SceneError, match=words):
+        take_of(character).edit()
+
+
 @pytest.mark.parametrize("scale", [1.0, 0.01])
 def test_a_moved_root_is_told_in_metres(made, take_of, motion, skeleton, scale):
     character, _ = made(scale=scale)
