@@ -218,7 +218,8 @@ class Take:
             if len(nowhere):
                 frame = nowhere[0] + self.solved.start_frame
                 raise SceneError(
-                    f"{bone} of {name} has a rotation of no length at frame {frame}, which is none: delete its keys there."
+                    f"{bone} of {name} has a rotation of no length at frame {frame}, which is none: delete its keys "
+                    "there."
                 )
         same = np.abs(self.now - self.written) <= SAME
         if same.mean() < LEAST_OF_RUN:
@@ -276,8 +277,8 @@ class Take:
             outside = frames[(frames < first) | (frames > last)]
             if len(outside):
                 raise SceneError(
-                    f"{self.action.name} was keyed at frame {outside[0]:g} alone, outside of its motion's frames {first} "
-                    f"to {last}: pose a bone and key it within these, and press again."
+                    f"{self.action.name} was keyed at frame {outside[0]:g} alone, outside of its motion's frames "
+                    f"{first} to {last}: pose a bone and key it within these, and press again."
                 )
 
     def _held(self) -> dict[int, set[int]]:
