@@ -120,14 +120,15 @@ def is_foreign(path: Path) -> bool:
 
 def foreign_files(paths: Sequence[str]) -> list[Path]:
     """The files among paths and in their folders that a second Blender reads, each once."""
-    found: dict[Path, None] = {}
+    # By where they really lie, as the core does.
+    found: dict[Path, Path] = {}
     for path in map(Path, paths):
+        inside = [path]
         if path.is_dir():
-            inside = (p for p in path.rglob("*") if len(p.relative_to(path).parts) <= DEPTH + 1)
-            found.update((p, None) for p in sorted(inside) if is_foreign(p) and p.is_file())
-        elif is_foreign(path):
-            found[path] = None
-    return list(found)
+            inside = sorted(p for p in path.rglob("*") if len(p.relative_to(path).parts) <= DEPTH + 1 and p.is_file())
+        for file in filter(is_foreign, inside):
+            found.setdefault(file.resolve(), file)
+    return list(found.values())
 
 
 def convert_steps(

@@ -122,6 +122,19 @@ def test_what_blender_exported_comes_back(oncue, core, walker, tmp_path, export)
     assert capture["seconds"]["walk"] > 4
 
 
+@pytest.mark.skipif(os.name == "nt", reason="links take an administrator there")
+def test_what_is_reached_in_two_ways_is_read_once(oncue, tmp_path):
+    files = oncue("foreign_captures").foreign_files
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "take.fbx").write_bytes(b"")
+    (inner / "up").symlink_to(tmp_path)
+    (tmp_path / "other.fbx").symlink_to(inner / "take.fbx")
+    assert files([str(inner), str(tmp_path), str(inner / "take.fbx")]) == [inner / "take.fbx"]
+    assert files([str(tmp_path / "gone.fbx")]) == [tmp_path / "gone.fbx"]
+    assert files([str(inner / "take.fbx"), str(inner / "take.bvh")]) == [inner / "take.fbx"]
+
+
 @pytest.mark.parametrize("suffix", [".fbx", ".glb"])
 @pytest.mark.parametrize("name", ["B3_Walk", "B11_WalkTurnLeft135", "B23_SideStepRight"])
 def test_a_real_capture_gives_the_same_through_blenders_formats(oncue, core, shared_data, tmp_path, name, suffix):
