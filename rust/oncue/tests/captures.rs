@@ -156,6 +156,24 @@ fn knees_that_bend_against_the_toes_are_no_persons() {
     assert!(reason.contains("knees bend forward of its toes"), "{reason}");
 }
 
+#[cfg(unix)]
+#[test]
+fn what_is_reached_in_two_ways_is_one_capture() {
+    let (folder, walk) = (Folder::new("links"), walk());
+    let text = Written::default().text(&walk);
+    let file = folder.write("take.bvh", &text);
+    let inner = folder.0.join("inner");
+    std::fs::create_dir_all(&inner).unwrap();
+    std::os::unix::fs::symlink(&folder.0, inner.join("up")).unwrap();
+    std::os::unix::fs::symlink(&inner, folder.0.join("again")).unwrap();
+    std::os::unix::fs::symlink(&file, folder.0.join("zz other name.bvh")).unwrap();
+    let settings = LibrarySettings { mirror: false, starter: StarterUse::None, ..LibrarySettings::default() };
+    let linked = inner.join("up");
+    let built = build(&[folder.0.clone(), file.clone(), linked], &settings, &Progress::new()).unwrap();
+    assert_eq!(built.captures.len(), 1, "{:?}", built.captures.iter().map(|c| &c.file).collect::<Vec<_>>());
+    assert_eq!(built.captures[0].file, file);
+}
+
 /// A `.bvh` whose thighs and shins are so many times as long.
 fn with_legs(text: &str, times: f32) -> String {
     let mut scaled = false;

@@ -212,30 +212,55 @@ fn each<T: Sync, R: Send>(
 
 /// The `.bvh` files under the paths, sorted, each once.
 fn find_files(paths: &[PathBuf]) -> Result<Vec<PathBuf>> {
-    let mut files = BTreeSet::new();
+    // By where they really lie: what is reached in two ways shows nothing twice.
+    let mut files: BTreeMap<PathBuf, PathBuf> = BTreeMap::new();
     for path in paths {
         let meta = std::fs::metadata(path).map_err(|e| Error::io(path, e))?;
+        let mut found = BTreeSet::new();
         if meta.is_dir() {
-            let mut found = BTreeSet::new();
-            walk(path, 0, &mut found)?;
+            walk(path, 0, &mut BTreeSet::new(), &mut found)?;
             if found.is_empty() {
                 return Err(Error::input(format!("The folder {} holds no .bvh files.", path.display())));
             }
-            files.extend(found);
         } else {
-            files.insert(path.clone());
+            found.insert(path.clone());
+        }
+        for file in found {
+            files.entry(real(&file)).or_insert(file);
         }
     }
-    Ok(files.into_iter().collect())
+    let mut named: Vec<PathBuf> = files.into_values().collect();
+    named.sort();
+    Ok(named)
 }
 
-fn walk(folder: &Path, depth: usize, found: &mut BTreeSet<PathBuf>) -> Result<()> {
-    for entry in std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))? {
-        let path = entry.map_err(|e| Error::io(folder, e))?.path();
-        // A link may lead back up: a few levels are enough for any collection.
+/// Where a path leads.
+fn real(path: &Path) -> PathBuf {
+    std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
+}
+
+/// `seen`: the folders that were looked into.
+fn walk(
+    folder: &Path,
+    depth: usize,
+    seen: &mut BTreeSet<PathBuf>,
+    found: &mut BTreeSet<PathBuf>,
+) -> Result<()> {
+    // A link may lead back up.
+    if !seen.insert(real(folder)) {
+        return Ok(());
+    }
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::io(folder, e))?;
+    let mut paths = entries
+        .map(|entry| Ok(entry?.path()))
+        .collect::<std::io::Result<Vec<_>>>()
+        .map_err(|e| Error::io(folder, e))?;
+    paths.sort();
+    for path in paths {
         if path.is_dir() {
+            // A few levels are enough for any collection.
             if depth < 8 {
-                walk(&path, depth + 1, found)?;
+                walk(&path, depth + 1, seen, found)?;
             }
         } else if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("bvh")) {
             found.insert(path);
