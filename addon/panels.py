@@ -12,7 +12,7 @@ from . import native
 from .bridge import session
 from .bridge.cue_objects import KINDS
 from .bridge.cue_reader import ENDS, HANDS, visible_cues
-from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
+from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
 from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .foreign_captures import SUFFIXES as FOREIGN
@@ -59,6 +59,8 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
             if cue[CUE_KEY] in HANDS:
                 for key in (FIRST_FRAME_KEY, LAST_FRAME_KEY):
                     row.prop(cue, f'["{key}"]', text="")
+            if HOLD_KEY in cue:
+                row.prop(cue, f'["{HOLD_KEY}"]', text="Stays (s)")
         kinds = {cue[CUE_KEY] for cue in cues}
         if "start" not in kinds:
             column.label(text="No Start cue yet", icon="INFO")

@@ -13,7 +13,15 @@ from mathutils import Matrix, Vector
 
 from ..errors import SceneError
 from . import compat
-from .names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, GIVEN_YAW_KEY, LAST_FRAME_KEY, oncue_collection
+from .names import (
+    CHARACTER_KEY,
+    CUE_KEY,
+    FIRST_FRAME_KEY,
+    GIVEN_YAW_KEY,
+    HOLD_KEY,
+    LAST_FRAME_KEY,
+    oncue_collection,
+)
 from .scene_time import may_move
 from .what_counts import is_shown, things_of
 
@@ -98,6 +106,11 @@ def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metre
     if kind == "start":
         cue[GIVEN_YAW_KEY] = yaw
     else:
+        if HOLD_KEY not in cue:
+            cue[HOLD_KEY] = 1.0
+            cue.id_properties_ui(HOLD_KEY).update(
+                min=0.0, soft_max=60.0, max=600.0, description="Seconds that the person stays there"
+            )
         context.view_layer.update()
         _turn_start(context)
     _select(context, cue)

@@ -9,13 +9,15 @@ import bpy
 
 from ..errors import SceneError
 from .cue_objects import forward_of
-from .names import CUE_KEY
+from .names import CUE_KEY, HOLD_KEY
 from .scene_time import current_frame_kept, may_move, moving
 from .what_counts import is_shown, things_of
 
 ENDS = ("sit", "stop")
 FEET = ("left_foot", "right_foot")
 HANDS = ("left_hand", "right_hand", "both_hands")
+#: Longer nobody stays, seconds.
+LONGEST_HOLD = 600.0
 #: A facing steeper than this says nothing about a direction on the floor: sine of 80°.
 STEEPEST = math.sin(math.radians(80.0))
 
@@ -54,6 +56,18 @@ def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_dr
             "feet": feet,
         },
     }
+
+
+def hold_seconds(context: bpy.types.Context) -> float | None:
+    """How long the visible sit or stop cue asks the person to stay; none where it does not say. Raises SceneError."""
+    for cue in visible_cues(context, *ENDS):
+        seconds = cue.get(HOLD_KEY)
+        if seconds is None:
+            continue
+        if not isinstance(seconds, int | float) or not 0.0 <= seconds <= LONGEST_HOLD:
+            raise SceneError(f"{cue.name} asks the person to stay for {seconds} s: give 0 to {LONGEST_HOLD:.0f}.")
+        return float(seconds)
+    return None
 
 
 def at_first_frame(

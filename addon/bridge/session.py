@@ -23,7 +23,7 @@ from ..scene_frames import CORE_RATE, in_scene_frames
 from . import armature, character_reset, compat, file_state, pins
 from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
-from .cue_reader import ENDS, FEET, HANDS, at_first_frame, read_task, visible_cues
+from .cue_reader import ENDS, FEET, HANDS, at_first_frame, hold_seconds, read_task, visible_cues
 from .hand_reader import core_frames, read_manipulations
 from .moving_reader import read_moving, taken_as_it_stands
 from .names import CHARACTER_KEY, LIVE_KEY, REPORT_KEY
@@ -101,7 +101,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         notes = taken_as_it_stands(context, meshes)
     if manipulations:
         task["manipulations"] = manipulations
-    overrides = overrides_of(settings)
+    overrides = wishes_of(context)
     request = Request(
         positions,
         triangles,
@@ -124,7 +124,7 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
     """A request with the cues and settings as they are now, hands aside, and its scene as it was. Raises SceneError."""
     settings = context.scene.oncue
     file_state.check_scene(context.scene)
-    task, overrides = read_task(context, settings.scene_scale), overrides_of(settings)
+    task, overrides = read_task(context, settings.scene_scale), wishes_of(context)
     return replace(
         request,
         task=task,
@@ -295,6 +295,15 @@ def overrides_of(settings) -> dict:
     kept = overrides.get("kept", {})
     if settings.liveliness and isinstance(kept, dict):
         overrides["kept"] = {"liveliness": round(settings.liveliness, 3), **kept}
+    return overrides
+
+
+def wishes_of(context: bpy.types.Context) -> dict:
+    """The same with how long the cue asks the person to stay; what is written comes before it. Raises SceneError."""
+    overrides, seconds = overrides_of(context.scene.oncue), hold_seconds(context)
+    synthesizer = overrides.get("synthesizer", {})
+    if seconds is not None and isinstance(synthesizer, dict):
+        overrides["synthesizer"] = {"hold_seconds": seconds, **synthesizer}
     return overrides
 
 

@@ -151,6 +151,33 @@ def test_pressing_again_moves_the_cue(context):
     assert [(o["oncue_cue"], round(o.location.x, 3)) for o in cues] == [("stop", 2.0)]
 
 
+def test_a_cue_says_how_long_the_person_stays(context, oncue, core):
+    add_floor()
+    session, settings = oncue("bridge.session"), context.scene.oncue
+    bpy.ops.oncue.place_cue(kind="start")
+    assert session.wishes_of(context) == {}
+    bpy.ops.oncue.place_cue(kind="stop")
+    stop = bpy.data.objects["Stop"]
+    assert session.wishes_of(context) == {"synthesizer": {"hold_seconds": 1.0}}
+    stop["oncue_hold_seconds"] = 12
+    assert session.wishes_of(context) == {"synthesizer": {"hold_seconds": 12.0}}
+    merged = oncue("pipeline").merged(core.default_settings("default"), session.wishes_of(context))
+    assert merged["synthesizer"]["hold_seconds"] == 12.0
+    # What is written comes first; another place for the cue, and another kind of it, is as long as before.
+    settings.overrides = '{"synthesizer": {"hold_seconds": 3, "life": 0}}'
+    assert session.wishes_of(context) == {"synthesizer": {"hold_seconds": 3, "life": 0}}
+    settings.overrides = ""
+    bpy.ops.oncue.place_cue(kind="sit")
+    assert (stop["oncue_cue"], stop["oncue_hold_seconds"]) == ("sit", 12)
+    for wrong in (-1.0, 601.0, float("nan"), "long"):
+        stop["oncue_hold_seconds"] = wrong
+        with pytest.raises(oncue("errors").SceneError, match="stay for"):
+            session.wishes_of(context)
+    # One that a script made and that does not say leaves it to the settings.
+    del stop["oncue_hold_seconds"]
+    assert session.wishes_of(context) == {}
+
+
 @pytest.mark.parametrize("yaw", [0.0, 0.7, math.pi / 2, math.pi, -2.2])
 def test_sitting_on_a_chair_faces_away_from_its_back(context, fixtures, yaw):
     fixtures.f.floor(context.scene, (-3, -3), (3, 3))

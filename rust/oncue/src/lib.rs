@@ -64,6 +64,7 @@ pub mod figures;
 pub mod internals;
 pub mod job;
 pub mod library;
+mod life;
 pub mod manifold;
 pub mod math;
 pub mod metrics;

@@ -17,16 +17,22 @@ use crate::error::Result;
 use crate::figures::{BodyFigures, StyleValues, Surroundings, body_figures, pose_distance_figures};
 use crate::library::Segment;
 use crate::library::database::MotionDatabase;
+use crate::life::{Hold, enliven};
 use crate::manifold::Manifold;
 use crate::metrics::{
     FootFigures, PenetrationFigures, Residual, foot_figures, penetration_among, residual, speed_figures,
 };
-use crate::motion::Motion;
+use crate::motion::{FRAME_RATE, Motion};
 use crate::progress::Progress;
 use crate::report::{PolicySource, REPORT_VERSION, Report};
 use crate::scene::{MovingObject, SceneIndex, check_task, short_of_knee_room};
 use crate::settings::Settings;
 use crate::synthesizer::unhurried;
+
+/// A pelvis so near to where it stays is there, metres.
+const AT_REST: f32 = 0.005;
+/// How much more moves in the liveliest, as a part of the usual, and less in the calmest.
+const LIVELIER: f32 = 0.6;
 
 /// A motion, its report, and the policy that played it.
 #[derive(Debug, Clone)]
@@ -117,6 +123,25 @@ pub fn synthesize_along(
     }
     laps.done("edit");
 
+    if kept.end == EpisodeEnd::Complete {
+        progress.stage("Bringing to life");
+        let around = Surroundings::of(stays.unwrap_or(scene), &task.cue, Some(0), settings);
+        let from = rests_from(&motion, complete, around.seat.is_some());
+        let carried = edited.as_ref().map(|e| e.carried(task)).unwrap_or_default();
+        let hold = Hold {
+            from,
+            frames: from + (settings.synthesizer.hold_seconds * FRAME_RATE) as usize + 1,
+            size: settings.synthesizer.life * (1.0 + LIVELIER * settings.kept.liveliness),
+            seed,
+            floor: task.start.position.z,
+            feet_free: task.cue.feet.map(|foot| foot.is_none()),
+            carried: &carried,
+            around,
+        };
+        enliven(&mut motion, &hold, progress)?;
+        laps.done("life");
+    }
+
     progress.stage("Measuring");
     let around =
         Around { scene: Some(stays.unwrap_or(scene)), moving: &[], wait: 0, database: Some(database) };
@@ -161,6 +186,14 @@ pub fn synthesize_along(
         curve: learning.curve,
     };
     Ok(Synthesis { motion, report, policy })
+}
+
+/// The frame from which on the body rests, of a motion that is complete at frame `complete`: there, or where the pelvis of who
+/// sits came to its place.
+fn rests_from(motion: &Motion, complete: usize, sits: bool) -> usize {
+    let place = |frame: usize| motion.postures[frame].root_position;
+    let stays = |frame: &usize| place(*frame).distance(place(complete)) < AT_REST;
+    if sits { (0..=complete).rev().take_while(stays).last().unwrap_or(complete) } else { complete }
 }
 
 /// What happens in a motion of so many frames: someone is on foot, sits down from frame `sits_from` on, and sits from `complete`,
@@ -499,7 +532,7 @@ mod tests {
         assert_eq!(report.penetration.percent, 0.0);
         assert!(report.rollouts_succeeded > 0);
         let stages: Vec<&str> = report.seconds.keys().map(String::as_str).collect();
-        assert_eq!(stages, ["check", "edit", "measure", "play"]);
+        assert_eq!(stages, ["check", "edit", "life", "measure", "play"]);
         assert!(report.edited.is_some());
         // The same request again is not played with what came of it.
         let mut own = stored.clone();

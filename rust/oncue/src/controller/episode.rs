@@ -48,6 +48,8 @@ const START_SEEN: f32 = 0.8;
 const START_LEADS: f32 = 0.8;
 /// So many episodes of ten begin with a start where one leads the way: the others show whether it is in the way.
 const STARTED_OF_TEN: u32 = 8;
+/// Of a hold so much is the clip's, seconds: longer ones run out, or get up again. The rest is `life`'s.
+const LONGEST_PLAYED: f32 = 1.0;
 
 /// Frames of a step, over which the pace is a mean.
 const STEP_FRAMES: usize = 15;
@@ -414,9 +416,11 @@ impl Environment<'_> {
         hard.iter().zip(usual).map(|(hard, usual)| hard / usual.max(1e-2) - 1.0).fold(0.0, f32::max)
     }
 
-    /// Plays on for as long as a motion is held after its action is complete, and looks at where it ends.
+    /// Plays on for as long as a motion is held after its action is complete, [`LONGEST_PLAYED`] at most, and looks at where it
+    /// ends.
     pub fn hold(&self, episode: &mut Episode) {
-        for _ in 0..(self.settings.synthesizer.hold_seconds * FRAME_RATE) as usize {
+        let seconds = self.settings.synthesizer.hold_seconds.min(LONGEST_PLAYED);
+        for _ in 0..(seconds * FRAME_RATE) as usize {
             self.frame(episode, &PostureOffset::default(), true, &mut Means::default());
         }
         let surroundings = Surroundings::of(self.scene, &self.task.cue, Some(0), self.settings);

@@ -1,5 +1,6 @@
 //! The editor's part of the main job: the seat, what legs and trunk still run into, then the hands, and then arms.
 
+use std::ops::Range;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -9,7 +10,7 @@ use super::free_limbs::{Room, free_arms, free_body};
 use super::manipulation::{Manipulated, ManipulationFigures, manipulate};
 use super::seat::{Seat, SeatFigures, SeatFit};
 use crate::action::Fit;
-use crate::cue::Task;
+use crate::cue::{Hand, Task};
 use crate::error::{Error, Result};
 use crate::figures::Surroundings;
 use crate::manifold::Manifold;
@@ -32,6 +33,15 @@ pub struct TaskEditFigures {
     pub seconds: f32,
     /// In words what could not be done; the motion is then as it was.
     pub problems: Vec<String>,
+}
+
+impl TaskEditFigures {
+    /// The frames in which hands follow the cues of `task`.
+    pub(crate) fn carried(&self, task: &Task) -> Vec<(Hand, Range<usize>)> {
+        let hand_of = |name: &str| task.manipulations.iter().find(|cue| cue.name == name).map(|cue| cue.hand);
+        let frames = |m: &ManipulationFigures| m.first_frame..m.first_frame + m.frames;
+        self.manipulations.iter().filter_map(|m| Some((hand_of(&m.name)?, frames(m)))).collect()
+    }
 }
 
 /// E(M): fits `motion`, which is complete at frame `complete`, to its seat, carries the hands along their cues, and takes limbs
@@ -85,12 +95,7 @@ pub fn edit_for_task(
             Err(error) => out.problems.push(error.to_string()),
         }
     }
-    let hand_of = |name: &str| task.manipulations.iter().find(|cue| cue.name == name).map(|cue| cue.hand);
-    let carried: Vec<_> = out
-        .manipulations
-        .iter()
-        .filter_map(|m| Some((hand_of(&m.name)?, m.first_frame..m.first_frame + m.frames)))
-        .collect();
+    let carried = out.carried(task);
     free_arms(motion, room, &carried, progress)?;
     out.seconds = began.elapsed().as_secs_f32();
     Ok(out)
@@ -99,7 +104,7 @@ pub fn edit_for_task(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cue::{Hand, ManipulationCue};
+    use crate::cue::ManipulationCue;
     use crate::test_world::{World, library, still};
     use glam::Vec3;
 

@@ -16,8 +16,8 @@ pub use feet::{FlatFoot, Spread, StepFigures, Swivel, WholeFootFigures};
 pub use joint_limits::{BeyondLimit, JointLimitFigures};
 pub use own_body::{OwnBodyFigures, OwnTouch};
 pub use pose_distance::{FarPose, PoseDistanceFigures, PosedPart, pose_distance_figures};
-pub(crate) use scene_depth::depth_in_scene;
 pub use scene_depth::{SceneDepthFigures, SceneTouch};
+pub(crate) use scene_depth::{depth_in_scene, in_scene};
 pub use style::{
     DescentStyle, RisingStyle, SeatedStyle, StartStyle, Style, StyleFigures, StyleValues, WalkingStyle,
     WayStyle,

@@ -101,7 +101,7 @@ pub(crate) fn depth_in_scene(pose: &Pose, floor: f32, surroundings: &Surrounding
 }
 
 /// The parts that are in the scene in a frame, how deep, and where the surface is.
-fn in_scene(
+pub(crate) fn in_scene(
     pose: &Pose,
     frame: usize,
     floor: f32,

@@ -88,6 +88,7 @@ impl Settings {
                 settings.signal.future_form = FutureForm::Points;
                 settings.signal.reach = 1.9;
                 settings.synthesizer.offset_everywhere = true;
+                settings.synthesizer.life = 0.0;
                 settings.signal.propose_clear_path = false;
                 settings.reward.geodesic = false;
                 settings.reward.body_weight = 0.0;

@@ -28,6 +28,8 @@ pub struct SynthesizerSettings {
     pub offset_everywhere: bool,
     /// Seconds that the motion goes on after the action is complete.
     pub hold_seconds: f32,
+    /// How much breath, sway, looks and stirs there are meanwhile, 1 as usual; 0: none, as the paper has it.
+    pub life: f32,
 }
 
 impl SynthesizerSettings {
@@ -45,6 +47,7 @@ impl SynthesizerSettings {
                 refuse_height: 0.0..=1e3,
                 refuse_posture: 0.0..=1e6,
                 hold_seconds: 0.0..=600.0,
+                life: 0.0..=2.0,
             },
             free { weights, offset_everywhere }
         );
@@ -64,6 +67,7 @@ impl Default for SynthesizerSettings {
             refuse_posture: 1.2,
             offset_everywhere: false,
             hold_seconds: 1.0,
+            life: 1.0,
         }
     }
 }
