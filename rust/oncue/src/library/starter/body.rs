@@ -474,8 +474,8 @@ impl Signals {
             lower: hang_lower,
             hand: hang_hand,
         };
-        let reach = seat.reach
-            * style.seated.reach[s]
+        // Who props a hand up on the seat leaves it there.
+        let reach = (seat.reach * style.seated.reach[s]).max(hands * style.seated.props[s])
             * plan.seat.map_or(0.0, |s| if s.at_table { 0.0 } else { 1.0 });
         if hands <= 0.0 && reach <= 0.0 {
             return hanging;
@@ -500,9 +500,11 @@ impl Signals {
         let lifted = 0.05 * (PI * stirred).sin() * ((rest.along - then.along).abs() / 0.05).min(1.0);
         let resting = leg.hip + leg.thigh * Vec3::new(-inwards * sign, -0.092 - lifted, -along);
         let mut from = hung_wrist;
+        // Shoulders that are ahead take the hand along to the edge.
+        let ahead = 0.06 + 0.30 * (-seat::recline(plan)).max(0.0) * seat.rest;
         if let Some(place) = plan.seat.filter(|_| reach > 0.0) {
             let beside =
-                plan.seat_place(&place, t) + rotate(self.yaw[i], Vec2::new(BESIDE_THE_THIGH * sign, -0.06));
+                plan.seat_place(&place, t) + rotate(self.yaw[i], Vec2::new(BESIDE_THE_THIGH * sign, -ahead));
             from = from.lerp(beside.extend(place.height + WRIST_OVER_A_SEAT), reach);
         }
         let laid = hands * (1.0 - reach);

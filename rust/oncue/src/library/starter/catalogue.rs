@@ -334,6 +334,7 @@ struct Swivel {
 
 fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) {
     let mut seat = seat_behind(p, height, tuck, swivel.sinking);
+    p.plan_mut().style.seated.forth *= room_ahead(height);
     // The trunk begins to lean before the last foot is down.
     let start = p.now() - if p.stepped() { LEANS_BEFORE } else { 0.0 };
     let end = start + way_down(height, p.style().seated.pace);
@@ -350,6 +351,7 @@ fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) 
         if tuck > 0.0 {
             // Feet that are drawn back have little room to go further.
             p.plan_mut().style.seated.stagger *= 0.3;
+            p.plan_mut().style.seated.forth = 0.0;
         }
         let lifts = FEET_SET.map(|part| mix(start, end, part));
         p.settle(swivel.sinking, lifts);
@@ -421,11 +423,17 @@ fn seats(out: &mut Vec<Recipe>) {
     }
 }
 
+/// Of the way that feet are set ahead, how much a seat allows: on a high one they stand on their balls.
+fn room_ahead(height: f32) -> f32 {
+    ((0.56 - height) / 0.08).clamp(0.0, 1.0)
+}
+
 /// Seated, with the feet as one sits; they come back by `drawn_back` metres as one gets up.
 fn seated_planner(out: &[Recipe], height: f32, drawn_back: f32) -> Planner {
     let mut p = planner(out, 0);
     let legs = seated_legs(height, 0.0);
     let mut seat = seat_behind(&p, height, 0.0, 0.0);
+    p.plan_mut().style.seated.forth *= room_ahead(height);
     if !legs.hanging {
         seat.pelvis -= rotate(p.yaw(), Vec2::Y) * drawn_back;
         let under_knees = seat.pelvis + rotate(p.yaw(), Vec2::NEG_Y) * legs.ankle_ahead;

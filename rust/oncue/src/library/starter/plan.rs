@@ -471,7 +471,9 @@ impl Planner {
 pub(super) fn seated_foothold(position: Vec2, yaw: f32, side: usize, style: &Style) -> Foothold {
     let sign = if side == 0 { 1.0 } else { -1.0 };
     Foothold {
-        ankle: position + rotate(yaw, 0.5 * sign * Vec2::new(style.seated.width, -style.seated.stagger)),
+        ankle: position
+            + rotate(yaw, 0.5 * sign * Vec2::new(style.seated.width, -style.seated.stagger))
+            + rotate(yaw, Vec2::NEG_Y) * style.seated.forth,
         yaw: yaw + sign * (TOE_OUT * style.toe_out + 0.5 * style.seated.knees),
     }
 }

@@ -65,6 +65,12 @@ const ATTITUDES: [(f32, &[usize]); 4] = [
     (0.17, &[0, 1, 3]),
 ];
 
+/// Which hands stay on the seat: mostly none.
+const PROPS: [[f32; 2]; 8] =
+    [[0.0; 2], [0.0; 2], [0.0; 2], [0.0; 2], [0.0; 2], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
+/// How far ahead of the usual the feet are, metres: drawn in, or stretched out.
+const FORTH: [f32; 6] = [0.0, 0.0, 0.13, 0.0, 0.07, 0.16];
+
 /// How one sits down, sits and gets up.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Manner {
@@ -84,6 +90,10 @@ pub(super) struct Manner {
     pub hands: [[HandRest; 2]; 2],
     /// How far each hand reaches for the seat on the way: 0 not, 1 until it is there.
     pub reach: [f32; 2],
+    /// Whether each hand stays on the seat, beside the hip: 0 or 1.
+    pub props: [f32; 2],
+    /// Metres that both feet are farther ahead than usual.
+    pub forth: f32,
     /// The foot that is set first.
     pub first: usize,
 }
@@ -99,6 +109,8 @@ impl Manner {
         knees: 0.1,
         hands: [[ON_THE_THIGH, ON_THE_THIGH], [IN_THE_LAP, ON_THE_THIGH]],
         reach: [0.0, 0.0],
+        props: [0.0, 0.0],
+        forth: 0.0,
         first: 0,
     };
 
@@ -115,7 +127,7 @@ impl Manner {
         let first = random.random_range(0..2usize);
         let ahead = if first == 0 { -1.0 } else { 1.0 };
         let mut about = |middle: f32, spread: f32| middle + spread * random.random_range(-1.0f32..1.0);
-        Self {
+        let manner = Self {
             pace: about(1.0, 0.1),
             bow: about(1.0, 0.12),
             recline: attitude + about(0.0, 0.035),
@@ -124,8 +136,12 @@ impl Manner {
             knees: about(0.15, 0.09),
             hands,
             reach,
+            props: [0.0, 0.0],
+            forth: 0.0,
             first,
-        }
+        };
+        let props = PROPS[random.random_range(0..PROPS.len())];
+        Self { props, forth: FORTH[random.random_range(0..FORTH.len())], ..manner }
     }
 }
 

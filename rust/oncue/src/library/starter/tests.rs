@@ -271,3 +271,28 @@ fn every_action_type_has_frames_to_enter() {
         assert!(database.entries(action_type).len() > 100, "{action_type:?}");
     }
 }
+
+/// On chairs some people prop a hand up on the seat beside the hip, most do not; some stretch their legs.
+#[test]
+fn people_rest_in_many_ways() {
+    let on_a_chair = |name: &str| {
+        ["sit 42 cm", "sit 46 cm", "sit 50 cm"].iter().any(|word| name.starts_with(word))
+            && !name.contains("tucked")
+            && !name.contains("sideways")
+    };
+    let (mut sits, mut propped, mut ahead) = (0, 0, Vec::new());
+    for (clip, _, _, complete) in spans(ActionLabel::Sit).filter(|s| on_a_chair(&s.0.name)) {
+        let posture = &clip.motion.postures[complete];
+        let (pose, seat) = (posture.pose(), posture.planar());
+        let local = |joint: Joint| seat.point_to_local(pose.position(joint).truncate());
+        let beside = |hand: Joint| {
+            local(hand).x.abs() > 0.17 && pose.position(hand).z < posture.root_position.z + 0.045
+        };
+        sits += 1;
+        propped += usize::from(Joint::HANDS.into_iter().any(beside));
+        ahead.push(-0.5 * (local(Joint::LeftFoot).y + local(Joint::RightFoot).y));
+    }
+    assert!(propped >= 3 && 2 * propped < sits, "{propped} of {sits}");
+    ahead.sort_by(f32::total_cmp);
+    assert!(ahead[ahead.len() - 1] - ahead[0] > 0.12, "{ahead:?}");
+}
