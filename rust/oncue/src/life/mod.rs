@@ -20,8 +20,8 @@ use crate::error::Result;
 use crate::figures::{Surroundings, in_scene};
 use crate::library::foot::LEGS;
 use crate::math::curve::{smoothstep, softened, widened};
-use crate::math::rotation::wrap_angle;
-use crate::motion::skeleton::{ARMS, BODY_BOXES, LEG_LENGTH, Limb, TOE_HEIGHT};
+use crate::math::rotation::{wrap_angle, yaw};
+use crate::motion::skeleton::{ARMS, BODY_BOXES, JOINT_OFFSET, LEG_LENGTH, Limb, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
 use crate::progress::Progress;
 use limb::reach;
@@ -49,6 +49,11 @@ const SPINE_SHARES: [f32; 2] = [0.4, 0.7];
 const STIRS: Vec3 = Vec3::new(0.08, 0.018, 0.045);
 const ARM_SWINGS: f32 = 0.06;
 const ELBOW_BENDS: f32 = 0.16;
+/// An arm that is held back by its hand is straightened without effort so far, and then by so much more, shares of its length.
+const EASY_REACH: f32 = 0.92;
+const REACH_GIVES: f32 = 0.05;
+const ARM_LENGTH: f32 =
+    JOINT_OFFSET[Joint::LeftForeArm as usize].x + JOINT_OFFSET[Joint::LeftHand as usize].x;
 /// Fingers droop from a hand that is lifted, radians.
 const FINGERS_DROOP: f32 = 0.25;
 /// A wrist nearer to a thigh's middle than this rests on it, one beyond that does not, metres.
@@ -65,11 +70,13 @@ const DEEPER: f32 = 0.001;
 const BEYOND: f32 = 4.0;
 /// What rests is missed by no more than this, metres: feet and hands at cues, and hands.
 const MISSES: (f32, f32) = (5e-4, 2e-2);
+/// A seated knee sinks no further than this, metres.
+const KNEE_SINKS: f32 = 0.02;
 /// Elbows go outwards as the trunk leans over the hands or aside, radians for each radian.
 const ELBOWS_OUT: (f32, f32) = (0.9, 0.4);
-/// So often there is half as much of what is too much, then none; from which round on of the trunk for the sake of arms and head.
+/// So often there is half as much of what is too much, then none; from which round on of trunk and legs for the sake of arms and head.
 const ROUNDS: usize = 7;
-const TRUNK_FROM: usize = 3;
+const CARRIERS_FROM: usize = 3;
 /// Frames before and after in which there is less.
 const EASES: usize = 18;
 
@@ -115,6 +122,7 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
     let score = Score::new(seconds, hold.size, hold.seed, &mut Pcg64::seed_from_u64(hold.seed ^ 0x11FE_0000));
     let rest: Vec<Flaws> = body.base.par_iter().map(|posture| Flaws::of(posture, hold)).collect();
     let mut less = vec![vec![0.0f32; frames]; GROUPS];
+    let mut demands = less.clone();
     for round in 0..=ROUNDS {
         progress.check()?;
         let played: Vec<(Posture, [bool; GROUPS])> = (0..frames)
@@ -123,11 +131,13 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
                 let share = std::array::from_fn(|group| 1.0 - less[group][frame]);
                 let (posture, [feet, hands]) = body.at(frame, &score.at(frame as f32 / FRAME_RATE), share);
                 let mut too_much = Flaws::of(&posture, hold).over(&rest[frame]);
-                too_much[TRUNK] |= feet | hands;
+                too_much[TRUNK] |= hands;
                 too_much[FEET] |= feet;
-                // Where it does not help that head and arms are still, the trunk that carries them is.
-                if round >= TRUNK_FROM {
-                    too_much[TRUNK] |= too_much[HEAD] | too_much[ARM[0]] | too_much[ARM[1]];
+                // Where it does not help that head and arms are still, what carries them is: the trunk, and the thighs under hands.
+                if round >= CARRIERS_FROM {
+                    let arms = too_much[ARM[0]] | too_much[ARM[1]];
+                    too_much[TRUNK] |= too_much[HEAD] | arms | feet;
+                    too_much[LEGGED] |= arms;
                 }
                 let too_much = too_much;
                 (posture, too_much)
@@ -146,21 +156,16 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
             }
             break;
         }
-        for (group, less) in less.iter_mut().enumerate() {
-            let wanted: Vec<f32> = less
-                .iter()
-                .zip(&played)
-                .map(|(less, (_, too_much))| match too_much[group] {
-                    true if round + 2 < ROUNDS => 0.5 + 0.5 * less,
-                    true => 1.0,
-                    false => 0.0,
-                })
-                .collect();
-            let eased = match group {
-                FEET => vec![wanted.iter().copied().fold(0.0, f32::max); frames],
-                _ => softened(&widened(&wanted, EASES), EASES),
+        for (group, (demand, less)) in demands.iter_mut().zip(&mut less).enumerate() {
+            for ((demand, less), (_, too_much)) in demand.iter_mut().zip(less.iter()).zip(&played) {
+                let wanted = if round + 2 < ROUNDS { 0.5 + 0.5 * less } else { 1.0 };
+                *demand = if too_much[group] { demand.max(wanted) } else { *demand };
+            }
+            // Eased as a whole: the larger of two eased curves would have a kink.
+            *less = match group {
+                FEET => vec![demand.iter().copied().fold(0.0, f32::max); frames],
+                _ => softened(&widened(demand, EASES), EASES),
             };
-            less.iter_mut().zip(eased).for_each(|(less, eased)| *less = less.max(eased));
         }
     }
     Ok(())
@@ -231,7 +236,7 @@ impl<'a> Body<'a> {
         Self { base, seated, hangs, feet_free, carried, looks }
     }
 
-    /// A frame with what moves at its moment, `share` of each group; and whether a foot and a hand that rest are missed.
+    /// A frame with what moves at its moment, `share` of each group; and whether a foot and a hand that rest are missed, or a thigh sinks.
     fn at(&self, frame: usize, moment: &Moment, share: [f32; GROUPS]) -> (Posture, [bool; 2]) {
         let base = self.base[frame];
         let before = base.pose();
@@ -266,7 +271,9 @@ impl<'a> Body<'a> {
             Quat::from_rotation_z(looks * (moment.look.0 - self.looks))
                 * Quat::from_rotation_x(looks * moment.look.1),
         );
-        let mut parent = pelvis * before.rotations[0];
+        // A pelvis that rolls faces as it did.
+        let rolled = pelvis * before.rotations[0];
+        let mut parent = Quat::from_rotation_z(yaw(before.rotations[0]) - yaw(rolled)) * rolled;
         posture.rotations[0] = parent.normalize();
         for (joint, turn) in [
             (Joint::Spine, pelvis.slerp(chest, SPINE_SHARES[0])),
@@ -294,7 +301,7 @@ impl<'a> Body<'a> {
         let shares = ArmShares {
             much: ARM.map(of),
             carried,
-            out: ELBOWS_OUT.0 * trunk.x.max(0.0) + ELBOWS_OUT.1 * trunk.y.abs(),
+            out: ELBOWS_OUT.0 * soft(trunk.x) + ELBOWS_OUT.1 * (soft(trunk.y) + soft(-trunk.y)),
         };
         let hands = self.arms(&mut posture, &mut pose, &before, moment, &shares);
         (posture, [feet, hands])
@@ -310,7 +317,7 @@ impl<'a> Body<'a> {
         (hip.z - ankle.z - height).max(0.0)
     }
 
-    /// Legs under the pelvis, their feet where they stand, the knees as they stir. Whether a foot is missed.
+    /// Legs under the pelvis, their feet where they stand, the knees as they stir. Whether a foot is missed or a thigh sinks.
     fn legs(
         &self,
         posture: &mut Posture,
@@ -334,6 +341,9 @@ impl<'a> Body<'a> {
                 let (to, turned) = (before.position(foot) + moved, before.rotation(foot));
                 let limb = [thigh, shin, foot];
                 missed |= reach(posture, pose, limb, Vec3::X, to, turned, -sign * knee) > MISSES.0;
+                // A thigh that goes down goes into the seat.
+                let sinks = before.position(shin).z - pose.position(shin).z;
+                missed |= self.seated && sinks > KNEE_SINKS;
             }
             pose.place(posture, toe.index());
         }
@@ -377,10 +387,20 @@ impl<'a> Body<'a> {
                     sign,
                     1.0 - carried[side],
                 );
-                let to = pose.position(hand).lerp(place, stays);
+                let wanted = pose.position(hand).lerp(place, stays);
+                // An arm that a hand holds back straightens softly: the hand gives a little. One that follows a cue does not.
+                let shoulder = pose.position(upper);
+                let easy =
+                    before.position(upper).distance(before.position(hand)).max(EASY_REACH * ARM_LENGTH);
+                let room = (ARM_LENGTH - easy).clamp(0.001, REACH_GIVES * ARM_LENGTH);
+                let span = wanted.distance(shoulder).max(1e-3);
+                let over = (span - easy).max(0.0);
+                let held = span - (1.0 - carried[side]) * (over - room * (over / room).tanh());
+                let to = shoulder + (wanted - shoulder) * (held / span);
                 let turned = pose.rotation(hand).slerp(turned, stays);
                 let away =
                     reach(posture, pose, [upper, lower, hand], Vec3::Z * -sign, to, turned, sign * out);
+                let away = if carried[side] > 0.0 { away } else { pose.position(hand).distance(wanted) };
                 missed |= away > if carried[side] > 0.0 { MISSES.0 } else { MISSES.1 };
             }
         }
@@ -424,6 +444,11 @@ struct ArmShares {
     carried: [f32; 2],
     /// Radians that elbows go outwards.
     out: f32,
+}
+
+/// What is over zero, without a kink there.
+fn soft(x: f32) -> f32 {
+    0.5 * (x + (x * x + 1e-3).sqrt() - 1e-3f32.sqrt())
 }
 
 /// What is not as it should be in a posture.
