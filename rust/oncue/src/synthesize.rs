@@ -12,6 +12,7 @@ use crate::controller::{
 };
 use crate::cue::Task;
 use crate::editor::first_step::prepare_first_step;
+use crate::editor::seat::rests_from;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
 use crate::figures::{BodyFigures, StyleValues, Surroundings, body_figures, pose_distance_figures};
@@ -29,8 +30,6 @@ use crate::scene::{MovingObject, SceneIndex, check_task, short_of_knee_room};
 use crate::settings::Settings;
 use crate::synthesizer::unhurried;
 
-/// A pelvis so near to where it stays is there, metres.
-const AT_REST: f32 = 0.005;
 /// How much more moves in the liveliest, as a part of the usual, and less in the calmest.
 const LIVELIER: f32 = 0.6;
 
@@ -186,14 +185,6 @@ pub fn synthesize_along(
         curve: learning.curve,
     };
     Ok(Synthesis { motion, report, policy })
-}
-
-/// The frame from which on the body rests, of a motion that is complete at frame `complete`: there, or where the pelvis of who
-/// sits came to its place.
-fn rests_from(motion: &Motion, complete: usize, sits: bool) -> usize {
-    let place = |frame: usize| motion.postures[frame].root_position;
-    let stays = |frame: &usize| place(*frame).distance(place(complete)) < AT_REST;
-    if sits { (0..=complete).rev().take_while(stays).last().unwrap_or(complete) } else { complete }
 }
 
 /// What happens in a motion of so many frames: someone is on foot, sits down from frame `sits_from` on, and sits from `complete`,

@@ -143,15 +143,19 @@ fn look_at(environment: &Environment, best: &mut [Candidate]) {
     best.par_iter_mut().take(LOOKED_AT).filter(|candidate| !candidate.looked_at).for_each(|candidate| {
         candidate.looked_at = true;
         if environment.succeeded(candidate.end, &candidate.tally) {
-            let problems = problems_of(environment, candidate);
-            candidate.cost += environment.settings.kept.weights.problem * problems as f32;
+            candidate.cost += environment.settings.kept.weights.problem * objections(environment, candidate);
         }
     });
     best.sort_by(|a, b| a.cost.total_cmp(&b.cost));
 }
 
-/// How much an eye would object to in a candidate's motion.
-fn problems_of(environment: &Environment, candidate: &Candidate) -> usize {
+/// More than a limb can be taken out of the scene after the edit counts as another objection for each so many cm, …
+const OUT_OF_REACH: (f32, f32) = (6.0, 4.0);
+/// … and so does each share of the frames, percent, in which a part is very deep in it.
+const VERY_DEEP_SHARE: f32 = 10.0;
+
+/// How much an eye would object to in a candidate's motion: the sentences of a report, and how bad the worst of the scene is.
+fn objections(environment: &Environment, candidate: &Candidate) -> f32 {
     let settings = environment.settings;
     let episode = record(environment, candidate).0;
     let cue = &environment.task.cue;
@@ -160,7 +164,11 @@ fn problems_of(environment: &Environment, candidate: &Candidate) -> usize {
     let body = body_figures(&motion, episode.character.floor, Some(&surroundings));
     let known = environment.database.known_poses();
     let poses = pose_distance_figures(&motion, known, Some(environment.scene));
-    body.problems(&settings.report).len() + poses.unasked(settings.report.brief_frames)
+    let scene = body.scene.clone().unwrap_or_default();
+    let deep = (scene.deepest_cm - OUT_OF_REACH.0).max(0.0) / OUT_OF_REACH.1
+        + scene.over_3_cm_percent / VERY_DEEP_SHARE;
+    let told = body.problems(&settings.report).len() + poses.unasked(settings.report.brief_frames);
+    told as f32 + deep
 }
 
 /// The seed of a rollout's own draws. Mixed, so that neighbouring seeds of a request share no rollouts (SplitMix64's

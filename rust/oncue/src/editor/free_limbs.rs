@@ -24,8 +24,9 @@ use crate::scene::SceneContact;
 const ARM_DEEPER: f32 = 0.004;
 /// Legs and trunk are left where they touch as people do, metres.
 const BODY_DEEPER: f32 = 0.007;
-/// Farther than this no leg and no trunk is moved, metres: who has to go so far out of the way has to go another way.
+/// Farther than this no leg and no trunk, and no head, is moved, metres: who has to go so far out of the way has to go another way.
 const BODY_DEEPEST: f32 = 0.08;
+const HEAD_DEEPEST: f32 = 0.15;
 /// What is taken out ends so far clear, metres: the least-squares problem leaves a little.
 const CLEAR: f32 = 0.001;
 /// Arms lie on tables, and backs lean on backrests, so deep, metres.
@@ -38,6 +39,10 @@ const NEAR_END: f32 = 0.02;
 const CONTACT_SIGMA: f32 = 2e-3;
 /// σ of an arm that is to stay as it is, radians, and of a pelvis that is where it was asked for, metres.
 const STAYS_SIGMA: f32 = 1e-4;
+/// σ of a pelvis that may give way, metres.
+const AWAY_SIGMA: f32 = 0.01;
+/// A correction that moves a joint of legs or trunk farther than this is none, metres.
+const FARTHEST: f32 = 0.15;
 /// Frames over which the correction fades: slower than that of a body that reaches, or a swinging arm would be hurried.
 const FADE_FRAMES: f64 = 8.0;
 /// Frames before and after what is corrected in which the correction fades.
@@ -52,19 +57,18 @@ pub(crate) struct Room<'a> {
     pub floor: f32,
 }
 
-/// Takes legs and trunk of a motion out of the scene, and legs out of each other. From `complete` on the pelvis stays where it
-/// is: what the action cue asks for is met there.
+/// Takes legs, trunk and head of a motion out of the scene, and legs out of each other. From frame `rests` on the pelvis stays
+/// where it is: what the action cue asks for is met there.
 ///
 /// # Errors
 /// `Cancelled`.
-pub(crate) fn free_body(motion: &mut Motion, room: Room, complete: usize, progress: &Progress) -> Result<()> {
+pub(crate) fn free_body(motion: &mut Motion, room: Room, rests: usize, progress: &Progress) -> Result<()> {
     let plan = FootPlan::of(motion);
     let held = |frame: usize, posture: &Posture, out: &mut Vec<Term>| {
         plan.terms(frame, room.floor, out);
-        if frame >= complete {
-            let (target, sigma) = (posture.root_position, Vec3::splat(STAYS_SIGMA));
-            out.push(Term::Point { joint: Joint::Hips, offset: Vec3::ZERO, target, sigma });
-        }
+        let sigma = Vec3::splat(if frame >= rests { STAYS_SIGMA } else { AWAY_SIGMA });
+        let target = posture.root_position;
+        out.push(Term::Point { joint: Joint::Hips, offset: Vec3::ZERO, target, sigma });
     };
     let touches = Touches { room, limbs: Limbs::Body, carried: &[], first: 0 };
     free(motion, touches, &DegreesOfFreedom::body_on_its_feet(), held, progress)
@@ -98,9 +102,18 @@ fn free(
         let depths = touches.of(frame, &posture.pose()).into_iter().map(|(_, touch)| touch.depth);
         depths.fold(0.0, f32::max)
     };
-    let (least, most) = touches.limbs.depths();
     let depths: Vec<f32> = motion.postures.iter().enumerate().map(|(f, p)| depth(f, p)).collect();
-    let deep: Vec<bool> = depths.iter().map(|&depth| depth > least && depth < most).collect();
+    let deep: Vec<bool> = motion
+        .postures
+        .iter()
+        .enumerate()
+        .map(|(frame, posture)| {
+            let all = touches.of(frame, &posture.pose());
+            let part = |shape: usize| SHAPES[shape].part;
+            all.iter().any(|(_, touch)| touch.depth > touches.limbs.stay_within())
+                && all.iter().all(|(shape, touch)| touch.depth < touches.limbs.taken_out_of(part(*shape)))
+        })
+        .collect();
     for (first, end) in merged(runs(&deep, true), motion.len()) {
         let postures = &motion.postures[first..end];
         let mut terms: Vec<Vec<Term>> = vec![Vec::new(); postures.len()];
@@ -119,11 +132,18 @@ fn free(
         let free = correct(&span, progress)?;
         // Squeezed from two sides a limb may come to lie no better.
         let after: f32 = free.iter().enumerate().map(|(i, p)| depth(first + i, p)).sum();
-        if after < depths[first..end].iter().sum() {
+        let moved = postures.iter().zip(&free).map(|(a, b)| farthest(&a.pose(), &b.pose()));
+        let too_far = touches.limbs == Limbs::Body && moved.fold(0.0, f32::max) > FARTHEST;
+        if after < depths[first..end].iter().sum() && !too_far {
             motion.postures[first..end].copy_from_slice(&free);
         }
     }
     Ok(())
+}
+
+/// How far a joint is from where it was, at the most, metres.
+fn farthest(before: &Pose, after: &Pose) -> f32 {
+    before.positions.iter().zip(&after.positions).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max)
 }
 
 /// Runs with their margins, those that meet as one.
@@ -143,7 +163,7 @@ fn merged(runs: Vec<(usize, usize)>, frames: usize) -> Vec<(usize, usize)> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Limbs {
     Arms,
-    /// Legs, trunk and pelvis.
+    /// Legs, trunk, pelvis and head.
     Body,
 }
 
@@ -151,15 +171,24 @@ impl Limbs {
     fn have(self, part: BodyPart) -> bool {
         match self {
             Limbs::Arms => part.is_arm(),
-            Limbs::Body => !part.is_arm() && part != BodyPart::Head,
+            Limbs::Body => !part.is_arm(),
         }
     }
 
-    /// How deep is too deep to stay, and how deep is too deep to be taken out, metres.
-    fn depths(self) -> (f32, f32) {
+    /// Deeper than this they do not stay, metres.
+    fn stay_within(self) -> f32 {
         match self {
-            Limbs::Arms => (ARM_DEEPER, f32::INFINITY),
-            Limbs::Body => (BODY_DEEPER, BODY_DEEPEST),
+            Limbs::Arms => ARM_DEEPER,
+            Limbs::Body => BODY_DEEPER,
+        }
+    }
+
+    /// Deeper than this a part is not taken out, metres.
+    fn taken_out_of(self, part: BodyPart) -> f32 {
+        match (self, part) {
+            (Limbs::Arms, _) => f32::INFINITY,
+            (Limbs::Body, BodyPart::Head) => HEAD_DEEPEST,
+            (Limbs::Body, _) => BODY_DEEPEST,
         }
     }
 
@@ -346,7 +375,7 @@ mod tests {
         let knee = before.postures[0].pose().position(Joint::LeftLeg);
         let board = ([knee.x - 0.01, -0.6, 0.2], [knee.x + 0.3, 0.2, 0.9]);
         let (same, [deep, left], _) = freed(&[board], &before);
-        assert!(same == before && deep == left && deep > 8.0, "{deep} {left}");
+        assert!(same == before && deep == left && deep > 12.0, "{deep} {left}");
     }
 
     #[test]

@@ -45,6 +45,9 @@ const OFF_THE_FLOOR: f32 = 0.04;
 /// Deeper no thigh is pressed into a seat for the sake of where the feet stand, cm.
 const DEEPEST_THIGH: f32 = 2.0;
 
+/// A pelvis so near to where it stays is there, metres.
+const AT_REST: f32 = 0.005;
+
 /// How a seated person sits, on the motion's last frame unless said otherwise.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct SeatFigures {
@@ -89,6 +92,14 @@ pub struct Seat<'a> {
     pub floor: f32,
     /// The editor's constants.
     pub settings: &'a EditorSettings,
+}
+
+/// The frame from which on the body rests, of a motion that is complete at frame `complete`: there, or where the pelvis of who
+/// sits came to its place.
+pub(crate) fn rests_from(motion: &Motion, complete: usize, sits: bool) -> usize {
+    let place = |frame: usize| motion.postures[frame].root_position;
+    let stays = |frame: &usize| place(*frame).distance(place(complete)) < AT_REST;
+    if sits { (0..=complete).rev().take_while(stays).last().unwrap_or(complete) } else { complete }
 }
 
 impl Seat<'_> {

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::edit::ConstraintFigures;
 use super::free_limbs::{Room, free_arms, free_body};
 use super::manipulation::{Manipulated, ManipulationFigures, manipulate};
-use super::seat::{Seat, SeatFigures, SeatFit};
+use super::seat::{Seat, SeatFigures, SeatFit, rests_from};
 use crate::action::Fit;
 use crate::cue::{Hand, Task};
 use crate::error::{Error, Result};
@@ -77,7 +77,8 @@ pub fn edit_for_task(
         }
     }
     let room = Room { around: Some(around), floor };
-    free_body(motion, room, out.complete_frame, progress)?;
+    let rests = rests_from(motion, out.complete_frame, around.seat.is_some());
+    free_body(motion, room, rests, progress)?;
     if !task.manipulations.is_empty() {
         progress.stage("Carrying the hands");
         match manipulate(manifold, motion, &task.manipulations, Some(around.scene), floor, settings, progress)

@@ -112,7 +112,7 @@ pub(crate) struct Hold<'a> {
 /// # Errors
 /// `Cancelled`.
 pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> Result<()> {
-    lengthen(motion, hold.frames);
+    lengthen(motion, hold.frames, hold.around.seat.is_some());
     if hold.size <= 0.0 || hold.from >= motion.len() {
         return Ok(());
     }
@@ -171,8 +171,9 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
     Ok(())
 }
 
-/// The motion goes on until it has so many frames: what still moves comes to rest, and the feet stay.
-fn lengthen(motion: &mut Motion, frames: usize) {
+/// The motion goes on until it has so many frames: what still moves comes to rest, and the feet stay. So does the place of a
+/// pelvis that sits.
+fn lengthen(motion: &mut Motion, frames: usize, seated: bool) {
     let (Some(&last), Some(&contact)) = (motion.postures.last(), motion.contacts.last()) else { return };
     let before = motion.postures[motion.len().saturating_sub(2)];
     let feet = last.pose();
@@ -182,7 +183,9 @@ fn lengthen(motion: &mut Motion, frames: usize) {
         share *= SETTLES;
         goes_on += share;
         let mut posture = last;
-        posture.root_position += (last.root_position - before.root_position) * goes_on;
+        if !seated {
+            posture.root_position += (last.root_position - before.root_position) * goes_on;
+        }
         for (rotation, before) in posture.rotations.iter_mut().zip(before.rotations) {
             let mut turn = before.inverse() * *rotation;
             if turn.w < 0.0 {

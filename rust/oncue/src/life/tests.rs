@@ -225,7 +225,7 @@ fn what_moves_when_a_clip_ends_comes_to_rest() {
     for (frame, posture) in motion.postures.iter_mut().enumerate() {
         posture.rotations[spine] = Quat::from_rotation_x(0.004 * frame as f32);
     }
-    lengthen(&mut motion, 100);
+    lengthen(&mut motion, 100, false);
     let turn = |frame: usize| motion.postures[frame].rotations[spine].to_axis_angle().1;
     let turned: Vec<f32> = (0..99).map(|f| turn(f + 1) - turn(f)).collect();
     assert!(turned.windows(2).all(|w| w[1] <= w[0] + 1e-4 && w[0] - w[1] < 1.2e-3), "{turned:?}");

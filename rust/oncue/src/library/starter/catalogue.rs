@@ -340,6 +340,8 @@ fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) 
     let end = start + way_down(height, p.style().seated.pace);
     let mut settled = end;
     if swivel.turn != 0.0 {
+        // Whoever swivels in does so for want of room.
+        p.plan_mut().style.seated.forth = 0.0;
         seat.at_table = true;
         seat.spread = swivel.spread;
         seat.shift = rotate(p.yaw() + swivel.turn, Vec2::Y) * swivel.back;
