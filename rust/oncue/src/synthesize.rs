@@ -104,7 +104,7 @@ pub fn synthesize_along(
     }
     let complete = kept.complete;
     let mut edited = if settings.editor.fit && kept.end == EpisodeEnd::Complete {
-        let around = Surroundings::of(scene, &task.cue, kept.action_from, settings);
+        let around = Surroundings::of(scene, &task.cue, kept.action_from);
         Some(edit_for_task(&mut motion, task, complete, &around, manifold, &settings.editor, progress)?)
     } else {
         None
@@ -124,7 +124,7 @@ pub fn synthesize_along(
 
     if kept.end == EpisodeEnd::Complete {
         progress.stage("Bringing to life");
-        let around = Surroundings::of(stays.unwrap_or(scene), &task.cue, Some(0), settings);
+        let around = Surroundings::of(stays.unwrap_or(scene), &task.cue, Some(0));
         let from = rests_from(&motion, complete, around.seat.is_some());
         let carried = edited.as_ref().map(|e| e.carried(task)).unwrap_or_default();
         let hold = Hold {
@@ -242,7 +242,7 @@ pub fn measure(
     let floor = task.start.position.z;
     let seat = action_from.zip(task.cue.seat_height());
     let ignore_below = settings.reward.ignore_below;
-    let surroundings = around.scene.map(|scene| Surroundings::of(scene, &task.cue, action_from, settings));
+    let surroundings = around.scene.map(|scene| Surroundings::of(scene, &task.cue, action_from));
     let cues: Vec<_> = residual(&task.cue, motion, complete).into_iter().collect();
     let mut body = body_figures(motion, floor, surroundings.as_ref());
     body.pose_distance =

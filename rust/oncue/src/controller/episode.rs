@@ -423,7 +423,7 @@ impl Environment<'_> {
         for _ in 0..(seconds * FRAME_RATE) as usize {
             self.frame(episode, &PostureOffset::default(), true, &mut Means::default());
         }
-        let surroundings = Surroundings::of(self.scene, &self.task.cue, Some(0), self.settings);
+        let surroundings = Surroundings::of(self.scene, &self.task.cue, Some(0));
         let character = &episode.character;
         episode.tally.held_depth = depth_in_scene(&character.pose, character.floor, &surroundings);
     }

@@ -159,7 +159,7 @@ fn objections(environment: &Environment, candidate: &Candidate) -> f32 {
     let settings = environment.settings;
     let episode = record(environment, candidate).0;
     let cue = &environment.task.cue;
-    let surroundings = Surroundings::of(environment.scene, cue, episode.action_from, settings);
+    let surroundings = Surroundings::of(environment.scene, cue, episode.action_from);
     let motion = episode.record.unwrap_or_default();
     let body = body_figures(&motion, episode.character.floor, Some(&surroundings));
     let known = environment.database.known_poses();

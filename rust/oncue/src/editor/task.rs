@@ -113,7 +113,7 @@ mod tests {
         let mut out = motion.clone();
         let settings =
             EditorSettings { reach_seconds: 0.2, reach_seconds_per_metre: 0.0, ..Default::default() };
-        let around = Surroundings::of(&world.scene, &task.cue, Some(0), &world.settings);
+        let around = Surroundings::of(&world.scene, &task.cue, Some(0));
         let figures = edit_for_task(&mut out, task, complete, &around, None, &settings, &Progress::new());
         (out, figures.expect("not cancelled"))
     }

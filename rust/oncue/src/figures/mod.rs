@@ -32,7 +32,6 @@ use crate::cue::ActionCue;
 use crate::library::MotionLibrary;
 use crate::motion::{Motion, Pose, Posture};
 use crate::scene::{SEAT_GIVE, SceneIndex};
-use crate::settings::Settings;
 
 /// What an eye sees first in a motion.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -63,13 +62,10 @@ pub struct Surroundings<'a> {
 
 impl<'a> Surroundings<'a> {
     /// Those of a motion towards `cue`; `sits_from`: the frame from which on its seat carries the person, if it has one.
-    pub(crate) fn of(
-        scene: &'a SceneIndex,
-        cue: &ActionCue,
-        sits_from: Option<usize>,
-        settings: &Settings,
-    ) -> Self {
-        Self { scene, ignore_below: settings.reward.ignore_below, seat: sits_from.zip(cue.seat_height()) }
+    ///
+    /// What is higher than a rug counts, whatever the paper leaves out of its penetration: a foot in a plinth of 7 cm is seen.
+    pub(crate) fn of(scene: &'a SceneIndex, cue: &ActionCue, sits_from: Option<usize>) -> Self {
+        Self { scene, ignore_below: scene.settings().carpet_height, seat: sits_from.zip(cue.seat_height()) }
     }
 
     /// World height from which on the scene counts for a part of the body in a frame, metres.

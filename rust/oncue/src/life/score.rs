@@ -18,8 +18,8 @@ const LOOKS_EVERY: Range<f32> = 1.6..5.0;
 const SHIFTS_EVERY: Range<f32> = 1.5..5.5;
 const STIRS_EVERY: Range<f32> = 0.8..3.5;
 /// Seconds that a look, a shift and a stir take; a look takes longer the farther it goes, seconds for each radian.
-const LOOK_SECONDS: f32 = 0.35;
-const LOOK_SECONDS_PER_RADIAN: f32 = 0.6;
+const LOOK_SECONDS: f32 = 0.45;
+const LOOK_SECONDS_PER_RADIAN: f32 = 0.8;
 const SHIFT_SECONDS: Range<f32> = 1.1..1.9;
 const STIR_SECONDS: Range<f32> = 0.7..1.2;
 /// One look in so many goes far.
