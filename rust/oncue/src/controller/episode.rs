@@ -416,7 +416,7 @@ impl Environment<'_> {
         hard.iter().zip(usual).map(|(hard, usual)| hard / usual.max(1e-2) - 1.0).fold(0.0, f32::max)
     }
 
-    /// Plays on for as long as a motion is held after its action is complete, [`LONGEST_PLAYED`] at most, and looks at where it
+    /// Plays on for as long as a motion is held after its action is complete, `LONGEST_PLAYED` at most, and looks at where it
     /// ends.
     pub fn hold(&self, episode: &mut Episode) {
         let seconds = self.settings.synthesizer.hold_seconds.min(LONGEST_PLAYED);
