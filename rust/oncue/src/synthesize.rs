@@ -111,15 +111,6 @@ pub fn synthesize_along(
     };
     let mut complete = edited.as_ref().map_or(complete, |e| e.complete_frame);
     let mut action_from = kept.action_from;
-    // What the editor hurried is slowed down; hands that follow a cue keep its time.
-    if task.manipulations.is_empty()
-        && let Some(paced) = unhurried(&motion, &database.turns)
-    {
-        complete = paced.frame_of(complete);
-        action_from = action_from.map(|frame| paced.frame_of(frame));
-        motion = paced.motion;
-        edited.iter_mut().for_each(|e| e.complete_frame = complete);
-    }
     laps.done("edit");
 
     if kept.end == EpisodeEnd::Complete {
@@ -140,6 +131,17 @@ pub fn synthesize_along(
         enliven(&mut motion, &hold, progress)?;
         laps.done("life");
     }
+
+    // What the editor hurried, or life did, is slowed down; hands that follow a cue keep its time.
+    if task.manipulations.is_empty()
+        && let Some(paced) = unhurried(&motion, &database.turns)
+    {
+        complete = paced.frame_of(complete);
+        action_from = action_from.map(|frame| paced.frame_of(frame));
+        motion = paced.motion;
+        edited.iter_mut().for_each(|e| e.complete_frame = complete);
+    }
+    laps.done("edit");
 
     progress.stage("Measuring");
     let around =

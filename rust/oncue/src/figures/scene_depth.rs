@@ -181,4 +181,18 @@ mod tests {
             "{found:?}"
         );
     }
+
+    #[test]
+    fn a_foot_in_a_plinth_is_told_and_one_on_a_rug_is_not() {
+        use crate::test_world::{room, stop_cue};
+        let pose = Posture::default().pose();
+        let depth = |height: f32| {
+            let scene = room(&[([-0.5, -0.5, 0.0], [0.5, 0.5, height])]);
+            let cue = stop_cue(glam::Vec2::ZERO, 0.0);
+            depth_in_scene(&pose, 0.0, &Surroundings::of(&scene, &cue, None))
+        };
+        // The foot reaches to 6 cm and more over its sole.
+        assert!(depth(0.07) > 0.02, "{}", depth(0.07));
+        assert_eq!(depth(0.03), 0.0);
+    }
 }
