@@ -42,7 +42,7 @@ def test_a_run_logs_each_stage_once_and_in_order(caplog):
         synthesis = oncue_core.synthesize(scene, library, sit_on_the_bench(), QUICK, 1).result()
     expected = [
         *("Indexing the scene", "Making the starter library", "Preparing the motion library", "Checking the cues"),
-        *("Playing the policy", "Optimizing", "Choosing the best motion", "Measuring"),
+        *("Playing the policy", "Optimizing", "Choosing the best motion", "Bringing to life", "Measuring"),
     ]
     assert stages(caplog.records) == expected
     begun = [r.getMessage() for r in caplog.records if r.levelno == logging.DEBUG]
