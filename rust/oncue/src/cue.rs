@@ -1,5 +1,7 @@
 //! What the artist asks for: g_init and the cues Φ (LAMA, section 3.1).
 
+use std::ops::Range;
+
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -85,6 +87,12 @@ pub enum Hand {
     Right,
     /// One on each side of the path.
     Both,
+}
+
+/// Whether a hand follows a cue in a frame. `carried`: the frames in which hands do.
+pub(crate) fn is_carried(carried: &[(Hand, Range<usize>)], hand: Hand, frame: usize) -> bool {
+    let follows = |own: Hand| own == hand || own == Hand::Both;
+    carried.iter().any(|(own, frames)| follows(*own) && frames.contains(&frame))
 }
 
 /// φ_M = {q_j^t}: the path that a hand follows (LAMA, section 3.1 and supplementary).

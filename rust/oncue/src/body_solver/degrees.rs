@@ -90,6 +90,11 @@ pub(crate) struct DegreesOfFreedom {
 }
 
 impl DegreesOfFreedom {
+    fn of(parts: Vec<Part>, limited: bool) -> Self {
+        let count = parts.iter().map(|p| p.size()).sum();
+        Self { parts, count, limited }
+    }
+
     /// The whole body, but for shoulders and wrists that `joints` do not ask for; `turned` joints are no hinges.
     pub(crate) fn for_joints(joints: &[Joint], turned: &[Joint]) -> Self {
         use Joint::*;
@@ -113,8 +118,7 @@ impl DegreesOfFreedom {
         for [thigh, shin, foot, toe] in LEGS {
             parts.extend([Part::Ball(thigh), hinge(shin), Part::Ball(foot), hinge(toe)]);
         }
-        let count = parts.iter().map(|p| p.size()).sum();
-        Self { parts, count, limited: true }
+        Self::of(parts, true)
     }
 
     /// Shoulders and elbows alone.
@@ -126,8 +130,7 @@ impl DegreesOfFreedom {
             Part::Ball(RightArm),
             Part::Hinge(RightForeArm),
         ];
-        let count = parts.iter().map(|p| p.size()).sum();
-        Self { parts, count, limited: true }
+        Self::of(parts, true)
     }
 
     /// Legs, spine and the place of a pelvis that keeps its turn.
@@ -138,8 +141,7 @@ impl DegreesOfFreedom {
         for [thigh, shin, foot, toe] in LEGS {
             parts.extend([Part::Ball(thigh), Part::Hinge(shin), Part::Ball(foot), Part::Hinge(toe)]);
         }
-        let count = parts.iter().map(|p| p.size()).sum();
-        Self { parts, count, limited: true }
+        Self::of(parts, true)
     }
 
     /// The plain solver of the ablation: one arm (or both) and the spine above a pelvis that stays, without limits.
@@ -151,8 +153,7 @@ impl DegreesOfFreedom {
                 parts.extend(arm[..2].iter().map(|&j| Part::Ball(j)));
             }
         }
-        let count = parts.iter().map(|p| p.size()).sum();
-        Self { parts, count, limited: false }
+        Self::of(parts, false)
     }
 
     /// Numbers of one frame's correction.

@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use crate::anatomy::{BodyPart, OwnContact, SHAPES, arm_contacts, body_capsules, leg_contacts};
 use crate::body_solver::{DegreesOfFreedom, FootPlan, FoundTerms, Span, Term, correct};
-use crate::cue::Hand;
+use crate::cue::{Hand, is_carried};
 use crate::error::Result;
 use crate::figures::Surroundings;
 use crate::library::contact::runs;
@@ -98,22 +98,16 @@ fn free(
     held: impl Fn(usize, &Posture, &mut Vec<Term>),
     progress: &Progress,
 ) -> Result<()> {
-    let depth = |frame: usize, posture: &Posture| {
-        let depths = touches.of(frame, &posture.pose()).into_iter().map(|(_, touch)| touch.depth);
-        depths.fold(0.0, f32::max)
-    };
-    let depths: Vec<f32> = motion.postures.iter().enumerate().map(|(f, p)| depth(f, p)).collect();
-    let deep: Vec<bool> = motion
-        .postures
-        .iter()
-        .enumerate()
-        .map(|(frame, posture)| {
-            let all = touches.of(frame, &posture.pose());
-            let part = |shape: usize| SHAPES[shape].part;
-            all.iter().any(|(_, touch)| touch.depth > touches.limbs.stay_within())
-                && all.iter().all(|(shape, touch)| touch.depth < touches.limbs.taken_out_of(part(*shape)))
-        })
-        .collect();
+    let deepest = |all: &[(usize, Touch)]| all.iter().map(|(_, touch)| touch.depth).fold(0.0, f32::max);
+    let depth = |frame: usize, posture: &Posture| deepest(&touches.of(frame, &posture.pose()));
+    let limbs = touches.limbs;
+    let looked_at = motion.postures.iter().enumerate().map(|(frame, posture)| {
+        let all = touches.of(frame, &posture.pose());
+        let may_be = |(shape, touch): &(usize, Touch)| touch.depth < limbs.taken_out_of(SHAPES[*shape].part);
+        let deepest = deepest(&all);
+        (deepest, deepest > limbs.stay_within() && all.iter().all(may_be))
+    });
+    let (depths, deep): (Vec<f32>, Vec<bool>) = looked_at.unzip();
     for (first, end) in merged(runs(&deep, true), motion.len()) {
         let postures = &motion.postures[first..end];
         let mut terms: Vec<Vec<Term>> = vec![Vec::new(); postures.len()];
@@ -133,7 +127,7 @@ fn free(
         // Squeezed from two sides a limb may come to lie no better.
         let after: f32 = free.iter().enumerate().map(|(i, p)| depth(first + i, p)).sum();
         let moved = postures.iter().zip(&free).map(|(a, b)| farthest(&a.pose(), &b.pose()));
-        let too_far = touches.limbs == Limbs::Body && moved.fold(0.0, f32::max) > FARTHEST;
+        let too_far = limbs == Limbs::Body && moved.fold(0.0, f32::max) > FARTHEST;
         if after < depths[first..end].iter().sum() && !too_far {
             motion.postures[first..end].copy_from_slice(&free);
         }
@@ -221,7 +215,7 @@ struct Touch {
 impl Touches<'_> {
     /// What the limbs of a pose are in, with the capsule that is, but for arms that are carried.
     fn of(&self, frame: usize, pose: &Pose) -> Vec<(usize, Touch)> {
-        let carried = [Hand::Left, Hand::Right].map(|hand| self.is_carried(frame, hand));
+        let carried = [Hand::Left, Hand::Right].map(|hand| is_carried(self.carried, hand, frame));
         let moves = |part: BodyPart| {
             self.limbs.have(part) && !(part.is_arm() && carried[usize::from(part.side() > 0)])
         };
@@ -255,15 +249,10 @@ impl Touches<'_> {
         out
     }
 
-    fn is_carried(&self, frame: usize, hand: Hand) -> bool {
-        let follows = |own: Hand| own == hand || own == Hand::Both;
-        self.carried.iter().any(|(own, frames)| follows(*own) && frames.contains(&frame))
-    }
-
     /// Keeps carried arms as they are.
     fn keep(&self, frame: usize, posture: &Posture, out: &mut Vec<Term>) {
         for (arm, hand) in ARMS.iter().zip([Hand::Left, Hand::Right]) {
-            if self.is_carried(frame, hand) {
+            if is_carried(self.carried, hand, frame) {
                 out.extend(arm[1..3].iter().map(|&joint| Term::Local {
                     joint,
                     target: posture.rotations[joint.index()],

@@ -15,7 +15,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 use crate::anatomy::{BodyPart, beyond_limits, touching};
-use crate::cue::Hand;
+use crate::cue::{Hand, is_carried};
 use crate::error::Result;
 use crate::figures::{Surroundings, in_scene};
 use crate::library::foot::LEGS;
@@ -223,11 +223,7 @@ impl<'a> Body<'a> {
         let pose = last.pose();
         let seated = hold.around.seat.is_some();
         let carried = [Hand::Left, Hand::Right].map(|side| {
-            let follows = |frame: usize| {
-                hold.carried.iter().any(|(hand, frames)| {
-                    (*hand == side || *hand == Hand::Both) && frames.contains(&(hold.from + frame))
-                })
-            };
+            let follows = |frame: usize| is_carried(hold.carried, side, hold.from + frame);
             let carried: Vec<f32> = (0..base.len()).map(|f| if follows(f) { 1.0 } else { 0.0 }).collect();
             softened(&widened(&carried, CARRIED_MARGIN), CARRIED_MARGIN)
         });
