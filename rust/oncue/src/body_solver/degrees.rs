@@ -121,14 +121,16 @@ impl DegreesOfFreedom {
         Self::of(parts, true)
     }
 
-    /// Shoulders and elbows alone.
+    /// Shoulders, elbows and wrists alone.
     pub(crate) fn arms() -> Self {
         use Joint::*;
         let parts: Vec<Part> = vec![
             Part::Ball(LeftArm),
             Part::Hinge(LeftForeArm),
+            Part::Ball(LeftHand),
             Part::Ball(RightArm),
             Part::Hinge(RightForeArm),
+            Part::Ball(RightHand),
         ];
         Self::of(parts, true)
     }

@@ -52,9 +52,19 @@ const FINGERS: f32 = 0.15;
 const OVER_A_THIGH: f32 = 0.085;
 /// Farthest that a hand on a thigh is bent and turned against its forearm, radians.
 const WRIST_BEND: f32 = 0.72;
+/// Upper arms of who turns: seconds by which they lag, and radians off the trunk for each radian a second.
+const ARMS_LAG: f32 = 0.07;
+const ARMS_OUT: f32 = 0.05;
+/// From a shoulder to where the wrist lies on the thigh, metres: so near no hand is laid there, and from so far it may.
+const NO_ROOM: (f32, f32) = (0.14, 0.38);
 /// A hand that reaches for the seat: how far beside its middle, and the wrist over it, metres.
 const BESIDE_THE_THIGH: f32 = 0.22;
 const WRIST_OVER_A_SEAT: f32 = 0.06;
+/// The wrists of hands that pass over a seat, wide as it may be, stay so far above it, from so far before its edge, and are
+/// bent back below so much above it, metres.
+const PASSING_A_SEAT: f32 = 0.18;
+const BEFORE_A_SEAT: f32 = 0.14;
+const FLAT_BELOW: f32 = 0.32;
 /// How far its wrist is bent back, radians.
 const WRIST_ON_A_SEAT: f32 = 1.0;
 
@@ -451,12 +461,18 @@ impl Signals {
         // No swing is quite as wide as the one before.
         let arms = style.arms * (1.0 + 0.13 * drift(plan, t, [0.33, 0.51], [2 + s, 5 + s]));
         let swing = -sign * shifted(&self.lead, i, -0.02) * arms;
-        let forward = -0.055 + 0.34 * swing + 0.9 * seat.lean * (1.0 - hands);
+        // Arms lag behind a body that turns, and swing out.
+        let turning = (shifted(&self.yaw, i, 0.1) - shifted(&self.yaw, i, -0.1)) / 0.2;
+        let forward = -0.055 + 0.34 * swing + 0.75 * seat.lean + sign * ARMS_LAG * turning;
         let bend =
             0.27 + 0.11 * self.speed[i].abs().min(1.4) + 0.34 * shifted(&self.lead, i, -0.05) * -sign * arms;
         let shrug = 0.012 * breath + 0.05 * hands;
         let shoulder = thorax * mirror(Quat::from_rotation_y(-shrug) * Quat::from_rotation_z(-0.03 * swing));
-        let away = 0.165 + style.off + 0.02 * self.speed[i].abs().min(1.5) + 0.30 * off;
+        let away = 0.165
+            + style.off
+            + 0.02 * self.speed[i].abs().min(1.5)
+            + ARMS_OUT * turning.abs().min(2.0)
+            + 0.30 * off;
         let hang_upper = thorax
             * mirror(
                 Quat::from_rotation_x(-forward)
@@ -490,7 +506,7 @@ impl Signals {
         let (along, elbows_out) = if at_table {
             (mix(0.255, 0.19, plan.swivelled(t)), 0.20)
         } else {
-            (mix(rest.along, then.along, stirred) + 0.012 * drift(plan, t, [0.06, 0.15], [s, 7]), 0.38)
+            (mix(rest.along, then.along, stirred) + 0.012 * drift(plan, t, [0.06, 0.15], [s, 7]), 0.27)
         };
         // Further over a low seat, whose knees are nearer to the shoulders.
         let forth = plan.seat.map_or(0.0, |s| mix(0.25, 0.15, ((s.height - 0.30) / 0.12).clamp(0.0, 1.0)));
@@ -507,9 +523,20 @@ impl Signals {
                 plan.seat_place(&place, t) + rotate(self.yaw[i], Vec2::new(BESIDE_THE_THIGH * sign, -ahead));
             from = from.lerp(beside.extend(place.height + WRIST_OVER_A_SEAT), reach);
         }
-        let laid = hands * (1.0 - reach);
+        // Not before the trunk has come up so far that the elbows need not rise for it.
+        let laid = hands * (1.0 - reach) * ease(joint.distance(resting), NO_ROOM.0, NO_ROOM.1);
         let mut wrist = round_the_thigh(leg, sign, from, resting, laid);
         wrist += thorax * Vec3::new(0.05 * sign, -0.06, 0.0) * off;
+        let mut over_seat = 0.0;
+        if let Some(place) = plan.seat {
+            let from_pelvis = wrist.truncate() - plan.seat_place(&place, t);
+            let ahead = from_pelvis.dot(rotate(self.yaw[i], Vec2::NEG_Y));
+            let above = 1.0 - ease(ahead, seat::PELVIS_BEHIND_EDGE, seat::PELVIS_BEHIND_EDGE + BEFORE_A_SEAT);
+            let lifted =
+                soft_maximum(wrist.z, place.height + mix(PASSING_A_SEAT, WRIST_OVER_A_SEAT, reach), 0.03);
+            wrist.z = mix(wrist.z, lifted, above);
+            over_seat = above * (1.0 - ease(wrist.z - place.height, PASSING_A_SEAT, FLAT_BELOW));
+        }
         wrist = within_reach(joint, wrist);
         let line = (hung_wrist - joint).normalize_or(Vec3::NEG_Z);
         let hung = (to_elbow - line * to_elbow.dot(line)).normalize_or(Vec3::Y);
@@ -522,7 +549,8 @@ impl Signals {
         let eased = l * (hang_lower.inverse() * hang_hand);
         let flat = bent_at_most(l, l.slerp(flat, 0.8), WRIST_BEND);
         let on_seat = laid_hand(sign, rotate(self.yaw[i], Vec2::NEG_Y).extend(0.0), Vec3::Z);
-        let eased = eased.slerp(bent_at_most(l, on_seat, WRIST_ON_A_SEAT), reach);
+        let eased =
+            eased.slerp(bent_at_most(l, on_seat, WRIST_ON_A_SEAT), reach.max(over_seat * (1.0 - laid)));
         let hand = eased.slerp(flat, ease(laid, 0.45, 1.0));
         let wrist = joint + u * JOINT_OFFSET[lower.index()] + l * JOINT_OFFSET[hand_joint.index()];
         let room = mix(0.115, OVER_A_THIGH, ease(laid, 0.8, 1.0));

@@ -8,9 +8,7 @@ use rayon::prelude::*;
 
 use super::body::animate;
 use super::curve::mix;
-use super::plan::{
-    Plan, Planner, SETTLE_SECONDS, STANDING_WIDTH, SWIVEL_FROM, Seat, Seating, Stride, seated_foothold,
-};
+use super::plan::{Plan, Planner, SETTLE_SECONDS, SWIVEL_FROM, Seat, Seating, Stride, seated_foothold};
 use super::seat::{TUCKED, seated_legs, way_down};
 use super::style::Style;
 use crate::action::ActionLabel;
@@ -157,6 +155,16 @@ fn recipes() -> Vec<Recipe> {
 
 fn planner(out: &[Recipe], side: usize) -> Planner {
     Planner::new(Style::of_clip(out.len() as u64), side)
+}
+
+/// Metres between the ankles of who comes to stand before a seat: feet are set as one will sit.
+const STANCE_BEFORE_A_SEAT: f32 = 0.19;
+
+/// Of who goes to a seat.
+fn sitting_planner(out: &[Recipe], side: usize) -> Planner {
+    let mut planner = planner(out, side);
+    planner.stance = STANCE_BEFORE_A_SEAT;
+    planner
 }
 
 fn add(out: &mut Vec<Recipe>, name: String, mut planner: Planner, from: f32) {
@@ -307,9 +315,9 @@ const KNEES_APART: f32 = 0.72;
 const FEET_AT_THE_BAR: f32 = 0.20;
 
 /// Of the way down, when each foot is set as one sits.
-const FEET_SET: [f32; 2] = [0.47, 0.66];
+const FEET_SET: [f32; 2] = [0.30, 0.74];
 /// Seconds before the last foot is down that the trunk begins to lean.
-const LEANS_BEFORE: f32 = 0.35;
+const LEANS_BEFORE: f32 = 0.30;
 
 /// Sits down; the last `turn` (radians) of the way round is made while sinking.
 fn sit_down(p: &mut Planner, height: f32, tuck: f32, turn: f32) {
@@ -375,7 +383,7 @@ fn seats(out: &mut Vec<Recipe>) {
     for height in SEAT_HEIGHTS {
         let cm = (100.0 * height).round();
         for degrees in [0.0f32, 30.0, 60.0, 90.0] {
-            let mut p = planner(out, 0);
+            let mut p = sitting_planner(out, 0);
             p.stand(STANDING_SECONDS + 0.1);
             let sinking = turned_while_sinking(height, degrees);
             if degrees > 0.0 {
@@ -386,7 +394,7 @@ fn seats(out: &mut Vec<Recipe>) {
             add(out, format!("sit {cm} cm, turn {degrees}°"), p, 0.0);
         }
         // A back step to the seat, then down.
-        let mut p = planner(out, 1);
+        let mut p = sitting_planner(out, 1);
         p.stand(STANDING_SECONDS + 0.1).back_step(0.22, 0.42, 0.0).close(0.42);
         sit_down(&mut p, height, 0.0, 0.0);
         add(out, format!("sit {cm} cm, back step"), p, 0.0);
@@ -398,7 +406,7 @@ fn seats(out: &mut Vec<Recipe>) {
         }
         for (speed, pace) in [(0.8, ""), (0.6, ", slowly")] {
             for degrees in [90.0f32, 135.0, 180.0] {
-                let mut p = planner(out, if degrees > 100.0 { 1 } else { 0 });
+                let mut p = sitting_planner(out, if degrees > 100.0 { 1 } else { 0 });
                 let sinking = turned_while_sinking(height, degrees);
                 let from = walk_up_and_turn(&mut p, speed, (degrees - sinking).to_radians());
                 sit_down(&mut p, height, 0.0, sinking.to_radians());
@@ -568,7 +576,7 @@ fn walk_up_and_turn(p: &mut Planner, speed: f32, turn: f32) -> f32 {
             forward: -local.y,
             left: local.x,
             turn: part,
-            width: STANDING_WIDTH,
+            width: p.stance,
             swing: 0.46,
             double_support: 0.17,
         });

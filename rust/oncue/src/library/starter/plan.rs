@@ -140,7 +140,7 @@ impl Plan {
 }
 
 /// From where on the way down, and until where on the way up, feet are set without carrying the body.
-const FEET_FREE: (f32, f32) = (0.45, 0.3);
+const FEET_FREE: (f32, f32) = (0.28, 0.3);
 
 /// Seconds before a foot leaves the floor that it pushes the weight off to the other, and that the weight is there.
 pub(super) const WEIGHT_SHIFT: (f32, f32) = (0.56, 0.10);
@@ -188,6 +188,8 @@ pub(super) struct Planner {
     landed: f32,
     /// Side of the next step.
     pub next: usize,
+    /// Metres between the ankles where the feet come to stand.
+    pub stance: f32,
     /// No two steps are the same.
     random: Pcg64Mcg,
 }
@@ -223,7 +225,16 @@ impl Planner {
             stirs: None,
         };
         let random = Pcg64Mcg::seed_from_u64(0x57E9_0000 + style.seed);
-        Self { plan, position: Vec2::ZERO, yaw: 0.0, free: 0.0, landed: 0.0, next: first_side, random }
+        Self {
+            plan,
+            position: Vec2::ZERO,
+            yaw: 0.0,
+            free: 0.0,
+            landed: 0.0,
+            next: first_side,
+            stance: STANDING_WIDTH,
+            random,
+        }
     }
 
     /// A factor about 1.
@@ -316,7 +327,7 @@ impl Planner {
             forward: 0.0,
             left: 0.0,
             turn: 0.0,
-            width: STANDING_WIDTH,
+            width: self.stance,
             swing,
             double_support: 0.20,
         })
@@ -340,11 +351,11 @@ impl Planner {
     /// Turns on the spot by `total` (radians, left positive) in `count` pairs of steps, the inner foot first.
     pub(super) fn turn_on_spot(&mut self, total: f32, count: usize) -> &mut Self {
         let swing = 0.32 + 0.12 * (total / count as f32).abs();
-        self.turn_in_pairs(total, count, |_, turn| Stride {
+        self.turn_in_pairs(total, count, |planner, turn| Stride {
             forward: 0.0,
             left: 0.0,
             turn,
-            width: STANDING_WIDTH,
+            width: planner.stance,
             swing,
             double_support: 0.17,
         })
@@ -358,7 +369,7 @@ impl Planner {
                 forward: 0.0,
                 left: left * share,
                 turn: 0.0,
-                width: STANDING_WIDTH,
+                width: self.stance,
                 swing,
                 double_support: both,
             });

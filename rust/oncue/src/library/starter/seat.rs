@@ -10,7 +10,6 @@ use super::plan::{Plan, Seating};
 use crate::motion::skeleton::{ANKLE_HEIGHT, LEG_LENGTH, SEATED_HIPS_HEIGHT, STANDING_HIPS_HEIGHT};
 
 /// The pelvis joint behind the front edge, metres.
-#[cfg(test)]
 pub(super) const PELVIS_BEHIND_EDGE: f32 = 0.22;
 const HIP_BELOW_PELVIS: f32 = 0.02;
 
@@ -76,16 +75,16 @@ const SEATED: SeatState =
 
 /// Greatest forward lean on the way, radians: the lower the seat the more.
 fn greatest_lean(height: f32) -> f32 {
-    mix(75.0, 46.0, ((height - 0.42) / 0.33).clamp(0.0, 1.0)).to_radians()
+    mix(66.0, 42.0, ((height - 0.42) / 0.33).clamp(0.0, 1.0)).to_radians()
 }
 
 /// How much of a lean the pelvis makes on the seat; the spine makes the rest.
 pub(super) fn pelvis_share(height: f32) -> f32 {
-    mix(0.15, 0.50, ((height - 0.31) / 0.19).clamp(0.0, 1.0))
+    mix(0.20, 0.50, ((height - 0.31) / 0.15).clamp(0.0, 1.0))
 }
 
 /// How far anybody leans over the thighs once seated, radians.
-const MOST_FORWARD: f32 = 0.40;
+const MOST_FORWARD: f32 = 0.26;
 
 /// How far the trunk leans back once seated, radians, forwards where negative: far on what is as low as a sofa, not on a stool.
 pub(super) fn recline(plan: &Plan) -> f32 {
@@ -101,9 +100,9 @@ fn lean_up(height: f32) -> f32 {
 }
 
 /// Of the way down, when the pelvis begins to sink and when it rests.
-const SINKING: (f32, f32) = (0.10, 0.78);
+const SINKING: (f32, f32) = (0.02, 0.74);
 /// Fastest sink but for what leaning adds to it, m/s.
-const FASTEST_SINK: f32 = 0.36;
+const FASTEST_SINK: f32 = 0.345;
 
 /// Seconds from the first lean to sitting: the pelvis sinks by minimum jerk, whose fastest is 15/8 of its mean speed.
 pub(super) fn way_down(height: f32, pace: f32) -> f32 {
@@ -121,11 +120,12 @@ pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
     let most = plan.style.seated.bow * greatest_lean(seat.height);
     if down {
         SeatState {
-            back: ease(v, 0.06, 0.72),
+            back: ease(v, 0.05, 0.68),
             down: ease(v, SINKING.0, SINKING.1),
-            lean: most * keyed(&[(0.0, 0.0), (0.45, 1.0), (0.56, 0.97), (1.0, 0.0)], v),
+            // Hips and knees give together; half-way down the trunk begins to come up again.
+            lean: most * keyed(&[(0.02, 0.0), (0.42, 1.0), (0.47, 0.98), (0.98, 0.0)], v),
             hands: ease(v, 0.26, 0.80),
-            reach: keyed(&[(0.16, 0.0), (0.50, 1.0), (0.66, 1.0), (0.92, 0.0)], v),
+            reach: keyed(&[(0.14, 0.0), (0.50, 1.0), (0.72, 1.0), (0.96, 0.0)], v),
             rest: ease(v, 0.60, 1.0),
             feet: ease(v, 0.45, 0.92),
         }
@@ -137,7 +137,9 @@ pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
                 * most
                 * keyed(&[(0.0, 0.0), (0.36, 1.0), (0.46, 0.97), (0.96, 0.0)], v),
             hands: 1.0 - ease(v, 0.24, 0.86),
-            reach: keyed(&[(0.0, 0.0), (0.22, 1.0), (0.34, 1.0), (0.64, 0.0)], v),
+            // From a bar stool one slides, and hands have nothing to push.
+            reach: keyed(&[(0.0, 0.0), (0.22, 1.0), (0.34, 1.0), (0.64, 0.0)], v)
+                * (1.0 - ease(seat.height, 0.58, 0.74)),
             rest: 1.0 - ease(v, 0.0, 0.38),
             feet: 1.0 - ease(v, 0.0, 0.34),
         }

@@ -60,7 +60,7 @@ const ATTITUDES: [(f32, &[usize]); 4] = [
     (0.0, &[0, 1, 2, 3, 4, 5]),
     (0.0, &[0, 1, 2, 3, 4, 5]),
     // Leaning over the thighs, hands out towards the knees.
-    (-0.45, &[2, 4, 2]),
+    (-0.30, &[2, 4, 2]),
     // Leaning back, hands near the hips.
     (0.17, &[0, 1, 3]),
 ];
@@ -121,8 +121,8 @@ impl Manner {
         let other = rests[(kind + random.random_range(1..rests.len())) % rests.len()];
         let kind = rests[kind];
         let hands = [HAND_RESTS[kind], HAND_RESTS[other]];
-        // None, one, or rarely both.
-        let reach = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0], [1.0, 1.0]]
+        // Mostly one: on its way to the seat an arm has room that it has not over the thighs.
+        let reach = [[1.0, 1.0], [1.0, 0.0], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
             [random.random_range(0..6usize)];
         let first = random.random_range(0..2usize);
         let ahead = if first == 0 { -1.0 } else { 1.0 };
