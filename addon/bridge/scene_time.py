@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -160,6 +161,8 @@ def may_deform(thing: bpy.types.Object, seen: frozenset[bpy.types.Object] = froz
     keys = getattr(data, "shape_keys", None)
     if any(one is not None and one.animation_data is not None for one in (data, keys)):
         return True
+    if thing.type == "META":
+        return any(may_move(ball, by_bones=True) or ball.data.animation_data is not None for ball in _family(thing))
     bent = thing.parent is not None and thing.parent_type in BENDING_PARENTS
     if bent and any(may_move(one, by_bones=True) or may_deform(one, seen) for one in (thing, thing.parent)):
         return True
@@ -167,6 +170,17 @@ def may_deform(thing: bpy.types.Object, seen: frozenset[bpy.types.Object] = froz
     if any(_varies_mesh(thing, modifier, seen) for modifier in shown):
         return True
     return bool(thing.modifiers) and _keys_modifiers(thing)
+
+
+def _family(ball: bpy.types.Object) -> list[bpy.types.Object]:
+    """The metaballs that flow into one mesh with this one, which is theirs: those called alike but for their number."""
+    things = {ball, *(thing for scene in ball.users_scene for thing in scene.objects)}
+    name = _without_number(ball.name)
+    return [thing for thing in things if thing.type == "META" and _without_number(thing.name) == name]
+
+
+def _without_number(name: str) -> str:
+    return re.sub(r"\.\d+$", "", name)
 
 
 def _varies_mesh(thing: bpy.types.Object, modifier: bpy.types.Modifier, seen: frozenset[bpy.types.Object]) -> bool:

@@ -271,6 +271,56 @@ def test_what_has_other_corners_on_other_frames_is_named_with_the_frame(oncue):
     assert notes[0][1] == "Stool has another number of corners on other frames: it was read as it is at frame 60."
 
 
+def metaball(name, place, **options):
+    made = bpy.data.objects.new(name, bpy.data.metaballs.new(name))
+    made.data.elements.new().radius = 0.6
+    made.location = place
+    bpy.context.scene.collection.objects.link(made)
+    for key, value in options.items():
+        setattr(made, key, value)
+    return made
+
+
+@pytest.mark.parametrize("who", ["member", "mother", "rig", "nobody", "others"])
+def test_a_family_of_metaballs_is_named_where_one_of_it_moves(oncue, who):
+    # Blender gives the mesh of all to the one without a number, whichever of them moves.
+    doorway(oncue)
+    rig = bpy.data.objects.new("Rig", None)
+    bpy.context.scene.collection.objects.link(rig)
+    mother = metaball("Goo", (1, 1.5, 0.3))
+    member = metaball("Goo.001", (1.5, 1.5, 0.3), parent=rig)
+    other = metaball("Slime.001", (0, 8, 0))
+    moved = {"member": member, "mother": mother, "rig": rig, "others": other}.get(who)
+    if moved is not None:
+        for frame, x in ((1, moved.location.x), (60, moved.location.x + 0.7)):
+            moved.location.x = x
+            moved.keyframe_insert("location", frame=frame)
+    request, notes = request_of(oncue)
+    assert "Goo" in request.names
+    if who in ("nobody", "others"):
+        assert notes == []
+        return
+    assert request.moving == ()
+    said = "Goo has another number of corners on other frames: it was read as it is at frame 1."
+    assert [text for _, text in notes] == [said]
+
+
+def test_a_family_of_metaballs_that_is_carried_is_followed(oncue):
+    doorway(oncue)
+    cart = bpy.data.objects.new("Cart", None)
+    bpy.context.scene.collection.objects.link(cart)
+    metaball("Goo", (1, 1.5, 0.3), parent=cart)
+    metaball("Goo.001", (1.5, 1.5, 0.3), parent=cart)
+    for frame, x in ((1, 0.0), (60, 0.7)):
+        cart.location.x = x
+        cart.keyframe_insert("location", frame=frame)
+    request, notes = request_of(oncue)
+    assert notes == []
+    (thing,) = request.moving
+    goes = thing.at(200) - thing.at(0)
+    assert np.abs(goes - [0.7, 0, 0]).max() < 0.02
+
+
 def test_what_is_too_fine_to_be_followed_is_named_with_the_frame(oncue, monkeypatch):
     doorway(oncue)
     blind([(1, 0), (20, 1)])
