@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+import urllib.parse
 from collections.abc import Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -142,14 +143,22 @@ def convert_steps(
         return Converted()
     if blender is None:
         raise SceneError(f"{files[0].name} can only be read within Blender.")
-    folders = {file: blender.folder / _key(file, blender, entry) for file in files}
+    converted, whole = Converted(), []
+    buffers: dict[Path, list[Path]] = {}
+    for file in files:
+        try:
+            buffers[file] = gltf_buffers(file)
+        except SceneError as error:
+            converted.left_out.append(_left_out(file, None, str(error)))
+        else:
+            whole.append(file)
+    folders = {file: blender.folder / _key([file, *buffers[file]], blender, entry) for file in whole}
     crashed: dict[Path, str] = {}
-    pending = [file for file in files if _takes(folders[file]) is None]
+    pending = [file for file in whole if _takes(folders[file]) is None]
     while pending:
         yield from _read(pending, folders, blender, entry or {}, crashed)
         pending = [file for file in pending if file not in crashed and _takes(folders[file]) is None]
-    converted = Converted()
-    for file in files:
+    for file in whole:
         said = _takes(folders[file])
         if said is None:
             converted.left_out.append(_left_out(file, None, f"Blender {crashed[file]}."))
@@ -161,6 +170,35 @@ def convert_steps(
         converted.left_out.extend(_left_out(file, one["action"], one["reason"]) for one in said["left_out"])
     _shrink(blender.folder, set(folders.values()))
     return converted
+
+
+def gltf_buffers(file: Path) -> list[Path]:
+    """The files beside a .gltf that hold its numbers, each there and whole. Raises SceneError where one is not.
+
+    Blender's importer names such a file only where it needs it, and its pictures nobody needs for a motion.
+    """
+    if file.suffix.lower() != ".gltf":
+        return []
+    try:
+        said = json.loads(file.read_bytes())
+        buffers = [(str(one["uri"]), int(one["byteLength"])) for one in said.get("buffers", []) if "uri" in one]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise SceneError(f"it is no glTF file, or damaged ({type(error).__name__}: {error}).") from None
+    found = []
+    for uri, size in buffers:
+        if uri.startswith("data:"):
+            continue
+        path = file.parent / urllib.parse.unquote(uri)
+        try:
+            held = path.stat().st_size if path.is_file() else None
+        except (OSError, ValueError):
+            held = None
+        if held is None:
+            raise SceneError(f"its file {uri}, which holds its numbers, is not beside it: put it there.")
+        if held < size:
+            raise SceneError(f"its file {uri} is cut off: it has {held} of {size} bytes.")
+        found.append(path)
+    return found
 
 
 def _read(
@@ -206,10 +244,13 @@ def _settle(part: Path, folder: Path) -> None:
     shutil.rmtree(part, ignore_errors=True)
 
 
-def _key(file: Path, blender: SecondBlender, entry: dict[str, Any] | None) -> str:
-    """The same while a file is as it is. Raises OSError for one that is gone."""
-    state = file.stat()
-    told = [FORMAT, blender.version, str(file.resolve()), state.st_mtime_ns, state.st_size, entry]
+def _key(files: Sequence[Path], blender: SecondBlender, entry: dict[str, Any] | None) -> str:
+    """The same while a file, and those that belong to it, are as they are. Raises OSError for one that is gone."""
+    told: list[Any] = [FORMAT, blender.version]
+    for file in files:
+        state = file.stat()
+        told += [str(file.resolve()), state.st_mtime_ns, state.st_size]
+    told.append(entry)
     return hashlib.sha256(json.dumps(told).encode()).hexdigest()[:24]
 
 

@@ -114,6 +114,6 @@ def sentence(error: Exception) -> str:
 
 
 def last_line(error: Exception) -> str:
-    """What an error says in the end: an importer's report has a whole story before it."""
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    """What an error says in the end: an importer's report has a whole story before it, and after it where that was."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip() and not line.startswith("Location: ")]
     return (lines[-1] if lines else type(error).__name__).removeprefix("Error: ").rstrip(".")[:200]

@@ -368,6 +368,61 @@ def test_what_gives_nothing_is_named(oncue, context, core, walker, tmp_path):
         bpy.ops.oncue.read_library()
 
 
+@pytest.mark.parametrize("what", ["gone", "cut off", "a folder", "no glTF", "no picture", "a space in its name"])
+def test_the_files_of_a_gltf_are_named(oncue, walker, tmp_path, what):
+    walker()
+    made = bpy.data.materials.new("Skin")
+    made.use_nodes = True
+    shown = made.node_tree.nodes.new("ShaderNodeTexImage")
+    shown.image = bpy.data.images.new("Weave", 4, 4)
+    made.node_tree.links.new(shown.outputs[0], made.node_tree.nodes["Principled BSDF"].inputs["Base Color"])
+    for mesh in bpy.data.meshes:
+        mesh.materials.clear()
+        mesh.materials.append(made)
+    name = "one walk" if what == "a space in its name" else "walk"
+    file, numbers, picture = (tmp_path / end for end in (f"{name}.gltf", f"{name}.bin", "Weave.png"))
+    bpy.ops.export_scene.gltf(filepath=str(file), export_format="GLTF_SEPARATE")
+    assert numbers.is_file()
+    assert picture.is_file()
+    kept, size = numbers.read_bytes(), numbers.stat().st_size
+    if what in ("gone", "a folder", "a space in its name"):
+        numbers.unlink()
+    if what == "a folder":
+        numbers.mkdir()
+    elif what == "cut off":
+        numbers.write_bytes(kept[:1000])
+    elif what == "no glTF":
+        file.write_text("[]")
+    elif what == "no picture":
+        picture.unlink()
+    read = converted(oncue, file)
+    if what == "no picture":
+        assert len(read.sources) == 1
+        assert not read.left_out
+        return
+    assert not read.sources
+    (left_out,) = read.left_out
+    said = {
+        "cut off": f"its file walk.bin is cut off: it has 1000 of {size} bytes.",
+        "no glTF": "it is no glTF file, or damaged (AttributeError: 'list' object has no attribute 'get').",
+        "a space in its name": "its file one%20walk.bin, which holds its numbers, is not beside it: put it there.",
+    }
+    beside = "its file walk.bin, which holds its numbers, is not beside it: put it there."
+    assert left_out["reason"] == said.get(what, beside)
+    # Once it is there the file is read, though it is the same.
+    if what in ("cut off", "gone", "a space in its name"):
+        numbers.write_bytes(kept)
+        again = converted(oncue, file)
+        assert len(again.sources) == 1
+        assert not again.left_out
+
+
+def test_what_an_importer_says_is_told_without_where_it_happened(oncue):
+    last_line = oncue("bridge.imported_captures").last_line
+    told = "Error: Python: Traceback (most recent call last):\n  File\nValueError: too short\nLocation: /x/ops.py:109\n"
+    assert last_line(RuntimeError(told)) == "ValueError: too short"
+
+
 def test_the_panel_names_file_and_action(oncue, context, core, walker, tmp_path):
     walker()
     path = tmp_path / "walk.glb"
