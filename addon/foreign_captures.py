@@ -180,7 +180,10 @@ def gltf_buffers(file: Path) -> list[Path]:
     if file.suffix.lower() != ".gltf":
         return []
     try:
-        said = json.loads(file.read_bytes())
+        text = file.read_bytes()
+        if text.startswith(b"glTF"):
+            return []  # a .glb by another name, which Blender knows by this
+        said = json.loads(text)
         buffers = [(str(one["uri"]), int(one["byteLength"])) for one in said.get("buffers", []) if "uri" in one]
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise SceneError(f"it is no glTF file, or damaged ({type(error).__name__}: {error}).") from None
@@ -199,6 +202,16 @@ def gltf_buffers(file: Path) -> list[Path]:
             raise SceneError(f"its file {uri} is cut off: it has {held} of {size} bytes.")
         found.append(path)
     return found
+
+
+def belongs_to(file: Path) -> list[Path]:
+    """The files beside a capture by which it may be read otherwise: those that it names, and mapping files."""
+    try:
+        named = gltf_buffers(file)
+    except (SceneError, OSError):
+        named = []
+    mappings = (file.with_suffix(".oncue.json"), file.with_name("oncue.json"))
+    return [*named, *(mapping for mapping in mappings if mapping.is_file())]
 
 
 def _read(

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import EdgeError, SceneError
-from .foreign_captures import Converted, SecondBlender, convert_steps, foreign_files, is_foreign
+from .foreign_captures import Converted, SecondBlender, belongs_to, convert_steps, foreign_files, is_foreign
 from .log import logger
 from .motion import Motion
 from .moving import Mesh, Thing, by_object, joined, nothing_met, stands
@@ -434,6 +434,7 @@ def library_steps(choice: LibraryChoice, cache: LibraryCache) -> Steps[BuiltLibr
             library, captures = yield from finish(core.build_library(readable, asked))
             captures = [*captures, *converted.left_out]
         for path in finished:
+            _check_kind(path)
             read = core.Library.read(path)
             library = read if library is None else library.merged(read)
         assert library is not None  # read or built: there are files of the one kind or the other
@@ -474,6 +475,17 @@ def _is_library_file(path: str) -> bool:
     return file.is_file() and file.suffix.lower() != ".bvh" and not is_foreign(file)
 
 
+def _check_kind(path: str) -> None:
+    """Raises SceneError for a file that is neither a capture nor of Oncue, whatever it is."""
+    with Path(path).open("rb") as file:
+        begins = file.read(5)
+    if begins != b"ONCUE":
+        raise SceneError(
+            f"{path} is no capture that can be read: give .bvh, .fbx, .glb or .gltf files, folders of them, or Oncue's "
+            "own motion libraries."
+        )
+
+
 def _state_of_files(paths: tuple[str, ...], mapping: str) -> FileStates:
     """Changes when a file of the library changes. Raises SceneError for a path that is gone."""
     state = []
@@ -486,7 +498,7 @@ def _state_of_files(paths: tuple[str, ...], mapping: str) -> FileStates:
             raise SceneError(
                 f"The motion library {path} is not there any more: remove it from the list or bring it back."
             )
-        files = sorted(path.rglob("*")) if path.is_dir() else [path]
+        files = sorted(path.rglob("*")) if path.is_dir() else [path, *belongs_to(path)]
         state += [(str(f), f.stat().st_mtime_ns, f.stat().st_size) for f in files if f.is_file()]
     return tuple(state)
 

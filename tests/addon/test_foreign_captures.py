@@ -409,6 +409,11 @@ def test_the_files_of_a_gltf_are_named(oncue, walker, tmp_path, what):
     }
     beside = "its file walk.bin, which holds its numbers, is not beside it: put it there."
     assert left_out["reason"] == said.get(what, beside)
+    # Blender knows a .glb by what it begins with.
+    if what == "no glTF":
+        bpy.ops.export_scene.gltf(filepath=str(tmp_path / "other.glb"))
+        (tmp_path / "other.glb").replace(file)
+        assert len(converted(oncue, file).sources) == 1
     # Once it is there the file is read, though it is the same.
     if what in ("cut off", "gone", "a space in its name"):
         numbers.write_bytes(kept)

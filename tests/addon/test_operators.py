@@ -229,6 +229,27 @@ def test_a_library_that_vanished_is_named(stool, core, tmp_path):
     refused("gone is not there any more")
 
 
+@pytest.mark.parametrize("name", ["walk.c3d", "walk.zip", "walk.usda", "walk.oncue.json", "walk"])
+def test_a_library_of_another_kind_is_named(stool, core, tmp_path, name):
+    (tmp_path / name).write_bytes(b"" if name == "walk" else b"no capture at all")
+    stool.scene.oncue.library_paths.add().path = str(tmp_path / name)
+    refused(f"{name} is no capture that can be read: give .bvh, .fbx, .glb or .gltf files")
+
+
+def test_a_mapping_file_that_is_put_beside_a_capture_is_read(stool, oncue, core, tmp_path):
+    starter = core.Library.starter()
+    path, mapping = tmp_path / "walk.bvh", tmp_path / "walk.oncue.json"
+    starter.write_bvh(starter.clip_names.index("walk 1.00 m/s"), str(path))
+    stool.scene.oncue.library_paths.add().path = str(path)
+    assert bpy.ops.oncue.read_library() == {"FINISHED"}
+    for beside in (mapping, tmp_path / "oncue.json"):
+        beside.write_text('{"exclude": true}')
+        with pytest.raises(RuntimeError, match="its mapping file excludes it"):
+            bpy.ops.oncue.read_library()
+        beside.unlink()
+        assert bpy.ops.oncue.read_library() == {"FINISHED"}
+
+
 def test_a_relative_library_of_an_unsaved_file_is_named(stool, core):
     stool.scene.oncue.library_paths.add().path = "//mocap"
     refused("never saved")
