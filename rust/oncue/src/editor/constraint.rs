@@ -121,12 +121,25 @@ impl Constraint {
                 self.joint.name()
             )));
         }
-        let numbers = is_place(self.offset)
-            && self.positions.iter().all(|p| is_place(*p))
-            && self.rotations.iter().all(|q| q.is_finite() && (q.length() - 1.0).abs() < 1e-2)
+        let numbers = self.offset.is_finite()
+            && self.positions.iter().all(|p| p.is_finite())
+            && self.rotations.iter().all(|q| q.is_finite())
             && self.facings.iter().all(|f| f.is_finite());
         if !numbers {
             return Err(Error::input(format!("‘{name}’ has a place or a rotation that is not a number.")));
+        }
+        if let Some(far) = self.positions.iter().chain([&self.offset]).find(|p| !is_place(**p)) {
+            return Err(Error::input(format!(
+                "‘{name}’ asks for a place {:.0} km from the origin; nothing is placed farther than {:.0} km from it.",
+                far.abs().max_element() / 1000.0,
+                FARTHEST_PLACE / 1000.0
+            )));
+        }
+        if let Some(turn) = self.rotations.iter().find(|q| (q.length() - 1.0).abs() >= 1e-2) {
+            return Err(Error::input(format!(
+                "‘{name}’ has a rotation of length {:.3}; a quaternion that turns has the length 1.",
+                turn.length()
+            )));
         }
         check_path(name, self.first_frame, &self.positions)?;
         for (i, pair) in self.rotations.windows(2).enumerate() {
@@ -295,6 +308,14 @@ mod tests {
         assert!(jump.contains("jumps by 0.90 m between frames 4 and 5"), "{jump}");
         assert!(refused(&[hand("Door", 3, &[])]).contains("places nothing"));
         assert!(refused(&[hand("Door", 3, &[Vec3::NAN])]).contains("not a number"));
+        let far = refused(&[hand("Pin", 3, &[Vec3::Z, Vec3::X * -1e6])]);
+        assert!(
+            far.contains("a place 1000 km from the origin; nothing is placed farther than 100 km"),
+            "{far}"
+        );
+        let mut flat = hand("Pin", 3, &[]);
+        flat.rotations.push(Quat::from_xyzw(0.0, 0.0, 0.0, 0.5));
+        assert!(refused(&[flat]).contains("a rotation of length 0.500"));
         let mut uneven = hand("Door", 3, &[Vec3::ZERO; 2]);
         uneven.rotations.push(Quat::IDENTITY);
         assert!(refused(&[uneven]).contains("2 positions, 1 rotations"));
