@@ -250,16 +250,56 @@ fn a_walk_on_the_spot_gets_its_way_back() {
     let (folder, walk) = (Folder::new("spot"), walk());
     let (capture, clip) = read(&folder, &Written { on_the_spot: true, ..Written::default() }.text(&walk));
     assert!(capture.notes[0].contains("walks on the spot"), "{:?}", capture.notes);
-    let way = |clip: &Clip| -> f32 {
-        let places: Vec<_> = clip.motion.postures.iter().step_by(15).map(|p| p.planar().position).collect();
-        places.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
-    };
     let share = way(&clip) / way(&walk);
     assert!((0.93..1.07).contains(&share), "{} m for {} m", way(&clip), way(&walk));
     assert!(capture.seconds[&ActionLabel::Walk] > 3.0, "{:?}", capture.seconds);
     // Who stands still is left standing.
     let (capture, _) = read(&folder, &Written::default().text(&still(&walk)));
     assert!(capture.notes.is_empty(), "{:?}", capture.notes);
+}
+
+#[test]
+fn a_way_that_is_not_that_of_its_steps_is_mended_or_named() {
+    let (folder, walk) = (Folder::new("travel"), walk());
+    for way_times in [0.01, 0.5, 1.6, 2.0, 2.54, 30.0] {
+        let (capture, clip) = read(&folder, &Written { way_times, ..Written::default() }.text(&walk));
+        let (way, whole) = (way(&clip), way(&walk));
+        assert!((0.88..1.07).contains(&(way / whole)), "{way_times}: {way} m for {whole} m");
+        assert!(capture.seconds[&ActionLabel::Walk] > 3.0, "{way_times}: {:?}", capture.seconds);
+        let said = if way_times < 0.1 { "it walks on the spot" } else { "as its planted feet allow" };
+        assert!(
+            capture.notes.len() == 1 && capture.notes[0].contains(said),
+            "{way_times}: {:?}",
+            capture.notes
+        );
+    }
+    // Feet roll, and people differ.
+    for way_times in [0.85, 1.0, 1.2] {
+        let (capture, _) = read(&folder, &Written { way_times, ..Written::default() }.text(&walk));
+        assert!(capture.notes.is_empty(), "{way_times}: {:?}", capture.notes);
+    }
+    // On skates, and backwards over feet that go forward.
+    let mut skates = walk.clone();
+    for (frame, posture) in skates.motion.postures.iter_mut().enumerate() {
+        *posture = walk.motion.postures[0];
+        posture.root_position.y -= 0.04 * frame as f32;
+    }
+    let backwards = Written { way_times: -1.0, ..Written::default() }.text(&walk);
+    for text in [Written::default().text(&skates), backwards] {
+        let path = folder.write("take.bvh", &text);
+        let reason = only(path.clone()).unwrap_err().to_string();
+        assert!(reason.contains("its feet glide, or its way is not that of its steps"), "{reason}");
+        folder.write("take.oncue.json", r#"{"labels": [{"label": "walk", "first": 0, "end": 60}]}"#);
+        let told = only(path).unwrap();
+        assert!(told.captures[0].notes.is_empty() && told.captures[0].seconds[&ActionLabel::Walk] > 0.9);
+        std::fs::remove_file(folder.0.join("take.oncue.json")).unwrap();
+    }
+}
+
+/// How far a clip goes, metres, measured each half second.
+fn way(clip: &Clip) -> f32 {
+    let places: Vec<_> = clip.motion.postures.iter().step_by(15).map(|p| p.planar().position).collect();
+    places.windows(2).map(|pair| pair[0].distance(pair[1])).sum()
 }
 
 #[test]

@@ -45,8 +45,8 @@ pub mod starter;
 pub(crate) mod sufficiency;
 mod survey;
 mod take;
+mod travel;
 pub(crate) mod up_axis;
-mod walk_on_the_spot;
 
 pub use build::{BuiltLibrary, Capture, CaptureSource, LibrarySettings, StarterUse, build};
 pub use clip::{Clip, MotionLibrary, Segment, Source};

@@ -14,7 +14,7 @@ use super::mocap_file::{self, MocapFile};
 use super::sampler::Sampler;
 use super::sidecar::{self, FolderSidecar, Sidecar};
 use super::up_axis::{UpAxis, UpScores};
-use super::{body, frame_rate, retarget, walk_on_the_spot};
+use super::{body, frame_rate, retarget, travel};
 use crate::error::Error;
 
 /// What the first pass learns about a file.
@@ -28,8 +28,8 @@ pub(super) struct Survey {
     pub up_scores: UpScores,
     /// Frames a second of the capture, whatever the file says.
     frame_rate: f64,
-    /// What a walk on the spot got back, as this file alone shows it.
-    pub way: Option<Vec<Vec2>>,
+    /// What is added to its way, as this file alone shows it; empty for nothing.
+    pub way: Vec<Vec2>,
     pub sums: Sums,
     /// What was taken otherwise than the file says it.
     pub notes: Vec<String>,
@@ -125,16 +125,18 @@ pub(super) fn survey(
     let key = format!("{:?};{};{}", sidecar.up, exchanged.is_some(), retarget::skeleton_key(&file));
     notes.extend(exchanged);
     let mut sampler = Sampler::new(&file, &table, up)?;
-    let way = walk_on_the_spot::way(&mut sampler);
-    if let Some(way) = &way {
-        let metres: f32 = way.windows(2).map(|pair| pair[0].distance(pair[1])).sum();
-        notes.push(format!(
-            "it walks on the spot; {metres:.1} m of way were given back from its planted feet."
-        ));
-        sampler.set_way(way.clone());
+    let travel = match travel::travel(&mut sampler) {
+        // Whoever says what a file shows has seen it.
+        Err(_) if !sidecar.labels.is_empty() => None,
+        found => found?,
+    };
+    if let Some(travel) = &travel {
+        notes.push(travel.note.clone());
+        sampler.set_way(travel.way.clone());
     }
     let sums = calibration::measure(&mut sampler);
     let frame_rate = file.frame_rate;
+    let way = travel.map(|travel| travel.way).unwrap_or_default();
     Ok(Survey { file: keep.then_some(file), table, sidecar, key, up_scores, frame_rate, way, sums, notes })
 }
 

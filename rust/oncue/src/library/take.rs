@@ -10,7 +10,7 @@ use super::clip::{Clip, Segment, Source};
 use super::sampler::Sampler;
 use super::sidecar::{self, Sidecar};
 use super::survey::{Group, Survey};
-use super::{contact, foot, label, retarget, walk_on_the_spot};
+use super::{contact, foot, label, retarget, travel};
 use crate::motion::Motion;
 
 /// Shorter clips show no action.
@@ -32,11 +32,11 @@ pub(super) fn make(path: &Path, survey: &Survey, group: &Group) -> Result<Take, 
     let mut sampler = Sampler::new(&file, &survey.table, up)?;
     let turned;
     let sums = if up == survey.up_scores.axis() {
-        sampler.set_way(survey.way.clone().unwrap_or_default());
+        sampler.set_way(survey.way.clone());
         &survey.sums
     } else {
-        let way = walk_on_the_spot::way(&mut sampler);
-        sampler.set_way(way.unwrap_or_default());
+        let travel = travel::travel(&mut sampler).ok().flatten();
+        sampler.set_way(travel.map(|travel| travel.way).unwrap_or_default());
         turned = calibration::measure(&mut sampler);
         &turned
     };

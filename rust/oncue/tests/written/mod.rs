@@ -18,6 +18,8 @@ pub struct Written {
     pub header_rate: f64,
     /// The way over the floor is taken away.
     pub on_the_spot: bool,
+    /// The way over the floor is so many times as long as the steps.
+    pub way_times: f32,
     /// X is flipped, as in left-handed coordinates.
     pub left_handed: bool,
 }
@@ -31,6 +33,7 @@ impl Default for Written {
             name: str::to_owned,
             header_rate: 60.0,
             on_the_spot: false,
+            way_times: 1.0,
             left_handed: false,
         }
     }
@@ -80,10 +83,9 @@ impl Written {
             let (pa, pb) = (&clip.motion.postures[a], &clip.motion.postures[b]);
             let mut posture = *pa;
             posture.root_position = pa.root_position.lerp(pb.root_position, 0.5);
-            if self.on_the_spot {
-                posture.root_position.x = 0.0;
-                posture.root_position.y = 0.0;
-            }
+            let times = if self.on_the_spot { 0.0 } else { self.way_times };
+            posture.root_position.x *= times;
+            posture.root_position.y *= times;
             for j in 0..JOINT_COUNT {
                 posture.rotations[j] = pa.rotations[j].slerp(pb.rotations[j], 0.5);
             }
