@@ -87,24 +87,20 @@ pub fn keep_motion(
         }
         // What the policy would hardly do is tried only where what it would do is not good enough.
         let spread = 0.7 + 0.15 * round.saturating_sub(settings.rounds) as f32;
-        let played: Vec<Candidate> = (0..settings.rollouts as u64)
-            .into_par_iter()
-            .filter(|_| !progress.is_cancelled())
-            .map(|i| {
-                let own = rollout_seed(seed, round as u64, i);
-                let branches = best.len().min(settings.branches.max(1));
-                let Some(branch) = best.get(i as usize % branches.max(1)) else {
-                    // The first is the policy's mean.
-                    let taste = if choosing { environment.taste_of(i) } else { usize::MAX };
-                    let begun = Begun { seed: own, draws: &[], taste };
-                    return play(environment, policy, &map, begun, own, if i == 0 { 0.0 } else { 0.8 });
-                };
-                let mut rng = Pcg64::seed_from_u64(own);
-                let keep = rng.random_range(0..branch.draws.len().max(1));
-                let begun = Begun { draws: &branch.draws[..keep], ..branch.begun() };
-                play(environment, policy, &map, begun, own, spread)
-            })
-            .collect();
+        let played: Vec<Candidate> = each(settings.rollouts as u64, progress, |i| {
+            let own = rollout_seed(seed, round as u64, i);
+            let branches = best.len().min(settings.branches.max(1));
+            let Some(branch) = best.get(i as usize % branches.max(1)) else {
+                // The first is the policy's mean.
+                let taste = if choosing { environment.taste_of(i) } else { usize::MAX };
+                let begun = Begun { seed: own, draws: &[], taste };
+                return play(environment, policy, &map, begun, own, if i == 0 { 0.0 } else { 0.8 });
+            };
+            let mut rng = Pcg64::seed_from_u64(own);
+            let keep = rng.random_range(0..branch.draws.len().max(1));
+            let begun = Begun { draws: &branch.draws[..keep], ..branch.begun() };
+            play(environment, policy, &map, begun, own, spread)
+        });
         progress.check()?;
         progress.fraction(((round + 1) as f32 / (settings.rounds + 1) as f32).min(1.0));
         rollouts += played.len();
@@ -135,17 +131,26 @@ pub fn keep_motion(
     })
 }
 
+/// Plays so many rollouts side by side, and gives them in their order. Once one of them panics, or the work is cancelled, no
+/// other is begun.
+fn each<T: Send>(count: u64, progress: &Progress, play: impl Fn(u64) -> T + Sync) -> Vec<T> {
+    (0..count).into_par_iter().panic_fuse().filter(|_| !progress.is_cancelled()).map(|i| play(i)).collect()
+}
+
 /// Looks at the best candidates as an eye does: what the report would say of them adds to their cost.
 ///
 /// While rollouts are played the body is its thin boxes, as the paper has it; an eye sees it with its girth. To look at every
 /// rollout so would take longer than to play it.
 fn look_at(environment: &Environment, best: &mut [Candidate]) {
-    best.par_iter_mut().take(LOOKED_AT).filter(|candidate| !candidate.looked_at).for_each(|candidate| {
-        candidate.looked_at = true;
-        if environment.succeeded(candidate.end, &candidate.tally) {
-            candidate.cost += environment.settings.kept.weights.problem * objections(environment, candidate);
-        }
-    });
+    best.par_iter_mut().panic_fuse().take(LOOKED_AT).filter(|candidate| !candidate.looked_at).for_each(
+        |candidate| {
+            candidate.looked_at = true;
+            if environment.succeeded(candidate.end, &candidate.tally) {
+                candidate.cost +=
+                    environment.settings.kept.weights.problem * objections(environment, candidate);
+            }
+        },
+    );
     best.sort_by(|a, b| a.cost.total_cmp(&b.cost));
 }
 
@@ -279,17 +284,14 @@ fn spare_arms(
     let mut blocks = 1;
     while blocks <= MOST_BLOCKS.min(best.draws.len()) && best.tally.offset > 0.0 {
         let count = best.draws.len();
-        let tried: Vec<Candidate> = (0..blocks)
-            .into_par_iter()
-            .filter(|_| !progress.is_cancelled())
-            .map(|block| {
-                let mut draws = best.draws.clone();
-                for draw in &mut draws[block * count / blocks..(block + 1) * count / blocks] {
-                    draw.vector[first..].fill(0.0);
-                }
-                play(environment, policy, map, Begun { draws: &draws, ..best.begun() }, best.seed, 0.0)
-            })
-            .collect();
+        let tried: Vec<Candidate> = each(blocks as u64, progress, |block| {
+            let block = block as usize;
+            let mut draws = best.draws.clone();
+            for draw in &mut draws[block * count / blocks..(block + 1) * count / blocks] {
+                draw.vector[first..].fill(0.0);
+            }
+            play(environment, policy, map, Begun { draws: &draws, ..best.begun() }, best.seed, 0.0)
+        });
         progress.check()?;
         match tried.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)) {
             Some(better) if better.cost < best.cost => best = better,
@@ -407,6 +409,28 @@ mod tests {
     use crate::metrics::ContactError;
     use crate::test_world::{World, close, stop_cue};
     use glam::Vec2;
+
+    #[test]
+    fn after_a_panic_no_other_rollout_is_begun() {
+        use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+        let begun = AtomicUsize::new(0);
+        let outcome = crate::job::catch(|| {
+            Ok(each(20_000, &Progress::new(), |i| {
+                begun.fetch_add(1, Relaxed);
+                // By then the others are at work.
+                std::thread::sleep(std::time::Duration::from_micros(200));
+                assert!(i != 7, "rollout {i}");
+                i
+            }))
+        });
+        assert!(matches!(outcome, Err(crate::job::Failure::Panic(said)) if said.contains("rollout 7")));
+        assert!(begun.load(Relaxed) < 10_000, "{} were begun", begun.load(Relaxed));
+        // None panics: all of them, in their order; cancelled: none.
+        let progress = Progress::new();
+        assert_eq!(each(100, &progress, |i| i), (0..100).collect::<Vec<_>>());
+        progress.cancel();
+        assert!(each(100, &progress, |i| i).is_empty());
+    }
 
     /// Weights and figures that no two of are alike.
     fn weights() -> CostWeights {

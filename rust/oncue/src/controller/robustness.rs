@@ -95,6 +95,7 @@ pub fn robustness(
     let map = policy.normalizer.map();
     let starts = valid
         .par_iter()
+        .panic_fuse()
         .enumerate()
         .map(|(i, start)| {
             let mut figures = StartFigures {

@@ -100,6 +100,7 @@ impl Rollout {
         let parts: Vec<Vec<Tuples>> = self
             .groups
             .par_iter_mut()
+            .panic_fuse()
             .map(|group| group.gather(environments, policy, &map, steps, progress))
             .collect();
         let mut all = Tuples { per_environment: steps, ..Tuples::default() };

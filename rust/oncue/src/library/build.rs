@@ -201,6 +201,7 @@ fn each<T: Sync, R: Send>(
     let done = AtomicUsize::new(0);
     items
         .par_iter()
+        .panic_fuse()
         .map(|item| {
             progress.check()?;
             let result = work(item);
