@@ -212,6 +212,17 @@ def array_modifier() -> None:
     modifier.constant_offset_displace = (0, 0.2, 0)
 
 
+def metaballs() -> None:
+    """Two that flow into one, one of which moves."""
+    for name, x in (("Goo", 0.0), ("Goo.001", 0.5)):
+        made = bpy.data.objects.new(name, bpy.data.metaballs.new(name))
+        made.data.elements.new().radius = 0.8
+        made.data.resolution = 0.2
+        made.location = (x, 2.2, 0.4)
+        bpy.context.scene.collection.objects.link(made)
+    keyed("Goo.001", "location", (1, (0.5, 2.2, 0.4)), (50, (1.2, 2.2, 0.4)))
+
+
 def door(*keys) -> None:
     walls(0.9)
     leaf = box("Door", (0.06, 0.9, 2.1), (-0.2, -0.45, 1.05))
@@ -288,6 +299,7 @@ SCENES = [
     Situation("a door that is open and shuts later", lambda: door((1, 90), (30, 0)), "^can be done; moves: Door$"),
     Situation("a table that grows", grows, "^can be done; moves: Table$"),
     Situation("a cloth that is not baked", cloth, "^can be done; .*Sheet is simulated and not baked"),
+    Situation("metaballs of which one moves", metaballs, "^can be done; Goo has another number of corners"),
     Situation("a mirrored table", mirrored),
     Situation(
         "a table with a vertex that is no number", broken_mesh, "^can be done; Table has vertices that are not numbers"
@@ -378,6 +390,22 @@ def in_place() -> str:
     return rows(lambda row, _: [0.0, row[1], 0.0, *row[3:]])
 
 
+def way_times(factor: float) -> str:
+    """The root counts otherwise than the bones."""
+    return rows(lambda row, _: [factor * row[0], row[1], factor * row[2], *row[3:]])
+
+
+def on_skates() -> str:
+    """The first posture, which goes a metre a second."""
+    first: list[float] = []
+
+    def held(row: list[float], k: int) -> list[float]:
+        first.extend(() if first else row)
+        return [first[0] + 100 * k / 30, *first[1:]]
+
+    return rows(held)
+
+
 def sunk(amount: float) -> str:
     return rows(lambda row, _: [row[0], row[1] - amount, *row[2:]])
 
@@ -431,7 +459,15 @@ def exported(suffix: str) -> Path:
     if suffix == ".fbx":
         bpy.ops.export_scene.fbx(filepath=str(path))
     else:
-        bpy.ops.export_scene.gltf(filepath=str(path))
+        kind = {".glb": "GLB", ".gltf": "GLTF_SEPARATE"}[suffix]
+        bpy.ops.export_scene.gltf(filepath=str(path), export_format=kind)
+    return path
+
+
+def without_numbers() -> Path:
+    """A .gltf that somebody sent without the file beside it."""
+    path = exported(".gltf")
+    path.with_suffix(".bin").unlink()
     return path
 
 
@@ -459,6 +495,9 @@ CAPTURES = [
     Situation("a frame time of 1 s", lambda: timed("1"), "30 was taken"),
     Situation("a frame time that is no number", lambda: timed("fast"), LEFT_OUT),
     Situation("walking in place", in_place, "walks on the spot.*given back from its planted feet"),
+    Situation("a way twice as long as its steps", lambda: way_times(2.0), r"is used \(walk .*were taken as"),
+    Situation("a way half as long as its steps", lambda: way_times(0.5), r"is used \(walk .*were taken as"),
+    Situation("somebody on skates", on_skates, "left out.*its feet glide"),
     Situation("a floor 1.2 m higher than the feet", lambda: sunk(120.0), r"is used \(walk"),
     Situation("a jump of 3 m in the middle", with_a_jump, r"is used \(walk .*are not walking, standing or sitting"),
     Situation("one posture all the time", frozen, r"is used \(idle [\d.]+ s\)$"),
@@ -473,6 +512,7 @@ CAPTURES = [
     Situation("a toy's legs", toy, "left out.*times as long as its trunk"),
     Situation("the walk as .fbx", lambda: exported(".fbx"), r"is used \(walk"),
     Situation("the walk as .glb", lambda: exported(".glb"), r"is used \(walk"),
+    Situation("a .gltf without the .bin that belongs to it", without_numbers, "capture.bin.*is not beside it"),
     Situation("a .glb without an armature", without_armature, "it holds no armature"),
 ]
 
