@@ -140,14 +140,18 @@ impl SearchIndex {
             return None;
         }
         let found = Level::current().run_in_eights(Nearest { index: self, query, hint, passed_over });
-        // A query that holds what is no number is near to nothing.
-        (found.entry != usize::MAX).then_some(found)
+        // A query that holds what is no number, or one beyond all numbers, is near to nothing.
+        (found.entry != usize::MAX && found.cost.is_finite()).then_some(found)
     }
 
     #[inline(always)]
     fn nearest_impl(&self, query: &[f32], hint: Option<usize>, passed_over: &[bool]) -> Match {
         let q = self.project(query);
         let mut best = Match { entry: usize::MAX, cost: f32::INFINITY };
+        // All boxes would seem to hold it, even those that are none.
+        if !q.iter().all(|number| number.is_finite()) {
+            return best;
+        }
         if let Some(hint) = hint.filter(|h| *h < self.entries) {
             self.scan_block(self.place_of[hint] as usize / BLOCK_FRAMES, &q, passed_over, &mut best);
         }
@@ -417,6 +421,31 @@ mod tests {
         let index = SearchIndex::build(ArrayView2::from_shape((40, 4), &y).expect("a matrix"), &[1.0; 4]);
         assert_eq!(index.nearest(&y[..4], Some(0), &[true; 40]), None);
         assert_eq!(index.nearest(&y[..4], None, &[true; 39]).map(|m| m.entry), Some(39));
+    }
+
+    #[test]
+    fn what_is_no_number_is_near_to_nothing() {
+        let (y, weights) = (features(3, 400, 5), [0.5, 1.0, 1.0, 2.0, 0.1]);
+        let index = SearchIndex::build(ArrayView2::from_shape((400, 5), &y).expect("a matrix"), &weights);
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+            for place in 0..5 {
+                let mut query = y[35..40].to_vec();
+                query[place] = bad;
+                for hint in [None, Some(7), Some(usize::MAX)] {
+                    assert_eq!(index.nearest(&query, hint, &[]), None, "{bad} at {place} from {hint:?}");
+                }
+            }
+        }
+        // What was found before such a query is found after it.
+        assert_eq!(index.nearest(&y[35..40], Some(399), &[]).map(|found| found.entry), Some(7));
+        // An entry that holds none is never found, and those beside it are.
+        let mut broken = y.clone();
+        broken[37] = f32::NAN;
+        let index =
+            SearchIndex::build(ArrayView2::from_shape((400, 5), &broken).expect("a matrix"), &weights);
+        for k in (0..400).filter(|&k| k != 7) {
+            assert_eq!(index.nearest(&y[5 * k..5 * k + 5], None, &[]).map(|found| found.entry), Some(k));
+        }
     }
 
     #[test]
