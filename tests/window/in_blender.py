@@ -137,6 +137,7 @@ def watch():
             "stage": progress.stage if progress else "",
             "fraction": progress.fraction if progress else 0.0,
             "message": handle.message,
+            "unwritten": extension("operators.synthesize").unwritten.of(bpy.context.scene) is not None,
             "following": extension("operators.follow").following.on,
             "overrides": bpy.context.scene.oncue.overrides,
             "said": list(extension("panels").following_line(bpy.context)),

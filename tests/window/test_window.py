@@ -83,6 +83,12 @@ class Desktop:
         buttons = self._buttons()
         return self._middle(buttons[buttons.index(max(buttons, key=len)) + 1])
 
+    def message_button(self) -> tuple[int, int]:
+        """The middle of the first button in what is said, which stands below Synthesize and Follow Cues."""
+        buttons = self._buttons()
+        bottom = max(buttons, key=len)[-1][0]
+        return self._middle(next(button for button in buttons if button[0][0] > bottom + 40))
+
     @staticmethod
     def _middle(button: list[tuple[int, int, int]]) -> tuple[int, int]:
         y, first, last = button[len(button) // 2]
@@ -331,6 +337,39 @@ def test_opening_a_file_stops_the_run(desktop):
     assert len(opened["actions"]) == len(before["actions"]) - 1
     time.sleep(2)
     assert unchanged(opened, desktop.states()[-1])
+
+
+def test_a_motion_that_could_not_be_written_is_written_by_its_button(desktop):
+    before = desktop.start_a_run(LONG)
+    began = time.time()
+    # A rate at which no motion can be shown, set while it is at work.
+    desktop.write("C.scene.render.fps=1")
+    assert desktop.states()[-1]["at_work"]
+    kept = desktop.until("the refusal", lambda s: not s["at_work"], timeout=600, since=began)
+    assert "at 1 frames a second" in kept["message"]
+    assert "the motion is kept: press Write Motion" in kept["message"]
+    assert unchanged(before, kept)
+    assert kept["unwritten"]
+    # What is refused also stands in a window of its own over the sidebar, which takes the next key.
+    desktop.key("Escape")
+    time.sleep(1)
+    desktop.screenshot("window-kept")
+    desktop.write("C.scene.render.fps=24")
+    time.sleep(1)
+    pressed = time.time()
+    desktop.click(*desktop.message_button())
+    written = desktop.until("the motion", lambda s: len(s["actions"]) > len(before["actions"]), since=pressed)
+    assert written["message"] == ""
+    assert not written["at_work"]
+    assert written["keys"] not in ("", before["keys"])
+    # It is one undo step, and the button has gone with what it was for.
+    time.sleep(1)
+    desktop.screenshot("window-written")
+    assert not desktop.states()[-1]["unwritten"]
+    pressed = desktop.key("ctrl+z")
+    desktop.until("the undo", lambda s: s["actions"] == before["actions"], timeout=20, since=pressed)
+    pressed = desktop.key("ctrl+shift+z")
+    desktop.until("the redo", lambda s: s["actions"] == written["actions"], timeout=20, since=pressed)
 
 
 def test_disabling_the_extension_stops_the_run(desktop):
