@@ -18,8 +18,26 @@ JOINTS = [
 ]
 
 
+def hips_over_feet(time: float, speed: float) -> float:
+    """How high the hips are over the ankle of the leg that stands, centimetres: it is straight, of 85 cm."""
+    return math.sqrt(85**2 - (25 * speed - 100 * speed * (time % 0.5)) ** 2)
+
+
+def leg(time: float, speed: float) -> tuple[float, float]:
+    """Thigh (forward) and knee, degrees, of a leg that stands through the first half of each second and then steps."""
+    phase, height = time % 1.0, hips_over_feet(time, speed)
+    share = 2 * phase - 1
+    ahead = 25 * speed - 100 * speed * phase if phase < 0.5 else -25 * speed * math.cos(math.pi * share)
+    down = height - (8 * math.sin(math.pi * share) if phase >= 0.5 else 0)
+    length = min(math.hypot(ahead, down), 85.0)
+    knee = math.acos((length**2 - 43**2 - 42**2) / (2 * 43 * 42)) if length < 85.0 else 0.0
+    return math.degrees(
+        math.atan2(ahead, down) + math.atan2(42 * math.sin(knee), 43 + 42 * math.cos(knee))
+    ), math.degrees(knee)
+
+
 def stepping(frames: int = 90, *, speed: float = 1.0) -> str:
-    """A person who walks along +Z at `speed` m/s by swinging thighs and shins; 30 frames a second."""
+    """A person who walks along +Z at `speed` m/s, each foot standing for half a second; 30 frames a second."""
     lines = ["HIERARCHY"]
 
     def emit(name: str, depth: int) -> None:
@@ -42,11 +60,14 @@ def stepping(frames: int = 90, *, speed: float = 1.0) -> str:
     order = [line.split()[1] for line in lines if line.strip().startswith(("ROOT", "JOINT"))]
     for frame in range(frames):
         time = frame / 30
-        row = [0.0, 92.0, 100 * speed * time]
+        turned = {"Left": leg(time, speed), "Right": leg(time + 0.5, speed)}
+        height = 7 + hips_over_feet(time, speed)
+        row = [0.0, height, 100 * speed * time]
         for name in order:
-            phase = 2 * math.pi * time + (math.pi if name.startswith("Right") else 0)
-            bends = {"UpLeg": -25 * math.sin(phase), "Leg": 20 + 20 * math.cos(phase)}
-            bend = bends.get(name.removeprefix("Left").removeprefix("Right"), 0)
+            side = "Left" if name.startswith("Left") else "Right"
+            thigh, knee = turned[side]
+            bends = {"UpLeg": -thigh, "Leg": knee, "Foot": thigh - knee}
+            bend = bends.get(name.removeprefix(side), 0)
             if name.endswith("Arm") and "Fore" not in name:
                 row += [-75 if name.startswith("Left") else 75, 0, 0]
             else:

@@ -133,8 +133,8 @@ pub fn keep_motion(
 
 /// Plays so many rollouts side by side, and gives them in their order. Once one of them panics, or the work is cancelled, no
 /// other is begun.
-fn each<T: Send>(count: u64, progress: &Progress, play: impl Fn(u64) -> T + Sync) -> Vec<T> {
-    (0..count).into_par_iter().panic_fuse().filter(|_| !progress.is_cancelled()).map(|i| play(i)).collect()
+fn each<T: Send>(count: u64, progress: &Progress, play: impl Fn(u64) -> T + Sync + Send) -> Vec<T> {
+    (0..count).into_par_iter().panic_fuse().filter(|_| !progress.is_cancelled()).map(play).collect()
 }
 
 /// Looks at the best candidates as an eye does: what the report would say of them adds to their cost.
