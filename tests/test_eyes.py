@@ -67,8 +67,8 @@ STYLE = {
         "way": "speed_variation fastest_turn_degrees_per_s head_leads_degrees",
         "start": "weight_shift_cm shift_s",
         "descent": (
-            "turn_before_degrees still_before_s descent_s lean_degrees fastest_sink_m_per_s feet_move_cm "
-            "pelvis_turns_degrees"
+            "turn_before_degrees still_before_s descent_s lean_degrees lean_leads_s sunk_at_lean_percent "
+            "lean_at_seat_degrees upper_arm_degrees fastest_sink_m_per_s feet_move_cm pelvis_turns_degrees"
         ),
         "seated": (
             "trunk_degrees feet_fore_aft_cm ankles_apart_cm knees_apart_cm wrists_cm_per_s head_cm_per_s knees_cm_per_s"

@@ -328,6 +328,10 @@ class DescentStyle(TypedDict):
     still_before_s: float | None
     descent_s: float | None
     lean_degrees: float | None
+    lean_leads_s: float | None
+    sunk_at_lean_percent: float | None
+    lean_at_seat_degrees: float | None
+    upper_arm_degrees: float | None
     fastest_sink_m_per_s: float | None
     feet_move_cm: float | None
     pelvis_turns_degrees: float | None

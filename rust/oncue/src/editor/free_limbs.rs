@@ -1,7 +1,7 @@
 //! Limbs out of the own body and out of the scene: what transitions, clips and other edits leave of it.
 //!
 //! Wherever a limb is deeper than flesh gives, the finishing pass moves as little as takes it out, smoothly: legs, spine and the
-//! place of the pelvis first, while the feet stay where they stand; then shoulders and elbows alone. The paper has no such step:
+//! place of the pelvis first, while the feet stay where they stand; then shoulders, elbows and wrists alone. The paper has no such step:
 //! its bodies have no girth.
 
 use std::ops::Range;

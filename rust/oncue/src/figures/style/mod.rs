@@ -115,6 +115,14 @@ rows! {
         descent_s,
         /// The most that the trunk leans forwards on the way down, degrees.
         lean_degrees,
+        /// How long before the descent begins the trunk has leant by 10°, seconds; negative where it leans later.
+        lean_leads_s,
+        /// How much of the way down is behind the pelvis as the trunk leans most, per cent.
+        sunk_at_lean_percent,
+        /// The trunk's lean as the descent ends, degrees.
+        lean_at_seat_degrees,
+        /// The most that an upper arm is lifted from hanging, meanwhile and in the third of a second after, degrees.
+        upper_arm_degrees,
         /// The fastest that the pelvis sinks, a mean of three frames, m/s.
         fastest_sink_m_per_s,
         /// How far the foot that moves more gets on the floor from where it was as the descent began, cm.
