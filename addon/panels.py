@@ -156,6 +156,8 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
 
 
 class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
+    """The button, and a row that tells how it goes. Blender puts what has no header above all else, in any order."""
+
     bl_label = "Synthesize"
     bl_order = 3
     bl_options = {"HIDE_HEADER"}
@@ -177,6 +179,11 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
         else:
             row.operator("oncue.synthesize", icon="ARMATURE_DATA")
             layout.operator("oncue.follow_cues", icon="CON_FOLLOWPATH", depress=following.on)
+        line, icon = status_line(context)
+        row = layout.row()
+        row.label(text=told(line), icon=icon)
+        if handle.run is None and unwritten.of(context.scene):
+            row.operator("oncue.write_motion", icon="ACTION")
 
 
 class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
@@ -210,11 +217,10 @@ class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
 
 
 class ONCUE_PT_messages(OncuePanel, bpy.types.Panel):
-    """What is said: below everything else, so that it pushes no button from under the mouse when it comes and goes."""
+    """All that is said: below everything else, so that it pushes no button from under the mouse when it comes."""
 
     bl_label = "Messages"
     bl_order = 6
-    bl_options = {"HIDE_HEADER"}
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -237,7 +243,6 @@ class ONCUE_PT_messages(OncuePanel, bpy.types.Panel):
             _draw_way_out(layout, handle.error)
         if unwritten.of(context.scene):
             write_lines(context, layout, "A motion was made and is not written yet.", "INFO")
-            layout.operator("oncue.write_motion", icon="ACTION")
 
 
 def _draw_way_out(layout: bpy.types.UILayout, error: BaseException | None) -> None:
@@ -371,6 +376,16 @@ def progress_lines(progress: Progress) -> list[tuple[str, str]]:
         success, reward = 100.0 * progress.success_rate, progress.reward
         lines.append((f"Update {progress.update}, success {success:.0f} %, reward {reward:.2f}", "BLANK1"))
     return lines
+
+
+def status_line(context: bpy.types.Context) -> tuple[str, str]:
+    """The one row of what is said that always stands below the button, and its icon; the rest is in Messages."""
+    if handle.run is not None:
+        return progress_lines(handle.run.progress())[0]
+    line, icon = following_line(context)
+    if line:
+        return line, icon
+    return handle.message, "NONE" if not handle.message else "ERROR" if handle.failed else "INFO"
 
 
 def following_line(context: bpy.types.Context) -> tuple[str, str]:

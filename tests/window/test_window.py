@@ -22,6 +22,8 @@ PICTURES = ROOT / "out" / "window"
 WIDTH, HEIGHT, DISPLAY = 1280, 800, ":77"
 #: The theme's colour of the buttons, see in_blender.py, as the screen shows it.
 BUTTON_COLOR = (13, 107, 158)
+#: Pixels from one row of the sidebar to the next, and a bit.
+STATUS_ROW = 30
 #: From the key to the end of the run, seconds. The promise is 0.2 s; this allows for a loaded machine.
 ESCAPES_WITHIN = 2.0
 #: What the operator itself may take of that, seconds.
@@ -84,10 +86,15 @@ class Desktop:
         return self._middle(buttons[buttons.index(max(buttons, key=len)) + 1])
 
     def message_button(self) -> tuple[int, int]:
-        """The middle of the first button in what is said, which stands below Synthesize and Follow Cues."""
+        """The middle of the button beside what is said, which stands below Synthesize and Follow Cues."""
         buttons = self._buttons()
-        bottom = max(buttons, key=len)[-1][0]
-        return self._middle(next(button for button in buttons if button[0][0] > bottom + 40))
+        return self._middle(buttons[buttons.index(max(buttons, key=len)) + 2])
+
+    def below(self) -> set[tuple[int, int]]:
+        """The first and last row of each button below that."""
+        buttons = self._buttons()
+        top = max(buttons, key=len)[-1][0] + 2 * STATUS_ROW
+        return {(button[0][0], button[-1][0]) for button in buttons if button[0][0] > top}
 
     @staticmethod
     def _middle(button: list[tuple[int, int, int]]) -> tuple[int, int]:
@@ -340,6 +347,7 @@ def test_opening_a_file_stops_the_run(desktop):
 
 
 def test_a_motion_that_could_not_be_written_is_written_by_its_button(desktop):
+    below = desktop.below()
     before = desktop.start_a_run(LONG)
     began = time.time()
     # A rate at which no motion can be shown, set while it is at work.
@@ -354,6 +362,9 @@ def test_a_motion_that_could_not_be_written_is_written_by_its_button(desktop):
     desktop.key("Escape")
     time.sleep(1)
     desktop.screenshot("window-kept")
+    # What is said has pushed nothing from its place.
+    assert below
+    assert below <= desktop.below()
     desktop.write("C.scene.render.fps=24")
     time.sleep(1)
     pressed = time.time()
