@@ -294,7 +294,12 @@ impl Seat<'_> {
             let place = &settled.feet[side];
             let lifts = place.ankle.truncate().distance(from.ankle.truncate()) > 0.02 || settled.hangs[side];
             // Feet that will hang leave the floor while the seat takes the weight.
-            let begin = if settled.hangs[side] { self.leaves_floor(&plan, side, steps) } else { next };
+            let begin = if settled.hangs[side] {
+                self.leaves_floor(&plan, side, steps)
+            } else {
+                // A foot that is in the air by itself lands first.
+                (next..plan.feet.len()).find(|&frame| plan.feet[frame][side].planted).unwrap_or(next)
+            };
             let end = begin + steps;
             while plan.feet.len() < end + 4 {
                 hold(motion, &mut plan, &mut contacts);
