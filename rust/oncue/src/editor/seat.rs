@@ -627,6 +627,31 @@ mod tests {
     }
 
     #[test]
+    fn a_foot_in_the_air_lands_before_it_is_set_elsewhere() {
+        let (mut motion, s) = (motion(), settings());
+        // The left foot is lifted and put back while the pelvis comes to rest, in frames 48 to 58.
+        for frame in 48..58 {
+            let part = (frame - 47) as f32 / 11.0;
+            let lifted = -0.12 * (std::f32::consts::PI * part).sin();
+            motion.postures[frame].rotations[Joint::LeftUpLeg.index()] *= Quat::from_rotation_x(lifted);
+            motion.contacts[frame][0] = 0.0;
+        }
+        let mut cue = sit_cue();
+        let own = motion.postures[59].pose().position(Joint::LeftFoot).with_z(0.0);
+        cue.feet = [Some(own + Vec3::new(0.06, -0.08, 0.0)), None];
+        let fit = seat(&motion, &cue, &s).fit(None::<&Manifold>, &Progress::new()).expect("fits");
+        assert!(fit.seat.feet_cm[0].is_some_and(|cm| cm < 0.7), "{:?}", fit.seat);
+        // It begins once the foot has landed, not two frames after the pelvis has.
+        let landed = fit.motion.postures[58].pose().position(Joint::LeftFoot);
+        assert!(landed.distance(own.with_z(ANKLE_HEIGHT)) < 5e-3, "{landed} {own}");
+        for frame in 1..fit.motion.len() {
+            let toe = |frame: usize| fit.motion.postures[frame].pose().position(Joint::LeftToe);
+            let stands = fit.motion.contacts[frame][0] == 1.0 && fit.motion.contacts[frame - 1][0] == 1.0;
+            assert!(!stands || toe(frame).distance(toe(frame - 1)) < 4e-3, "{frame}");
+        }
+    }
+
+    #[test]
     fn a_foot_is_not_put_into_furniture() {
         let (motion, s, cue) = (steps(), settings(), sit_cue());
         // A board of 20 cm to the left of the feet.
