@@ -72,7 +72,7 @@ fn people_sit_down_on_chairs_as_people_do() {
         &[
             ("descent.descent_s", 1.0..1.6),
             ("descent.lean_degrees", 45.0..70.0),
-            // Of UI-PRMD's 117 sits nine tenths lie within -0.10 and 0.17 s, 58 and 83 %.
+            // Of UI-PRMD's 117 sits a tenth and nine tenths are -0.10 and 0.17 s, 58 and 83 %.
             ("descent.lean_leads_s", -0.10..0.17),
             ("descent.sunk_at_lean_percent", 58.0..83.0),
             ("descent.lean_at_seat_degrees", 25.0..45.0),
