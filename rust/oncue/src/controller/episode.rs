@@ -15,7 +15,7 @@ use super::state::{Observation, observe};
 use crate::action::ActionType;
 use crate::anatomy::{DEEP, own_depth};
 use crate::figures::{Surroundings, depth_in_scene};
-use crate::library::Start;
+use crate::library::{SEEN_AHEAD, Start};
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
 use crate::math::Planar;
 use crate::math::capsule::Capsule;
@@ -42,8 +42,6 @@ const AHEAD: [f32; 4] = [0.0, 0.33, 0.67, 1.0];
 /// missed, at a third of the time.
 const OWN_BODY_EVERY: usize = 3;
 
-/// Where a way begins is seen so far ahead, metres; who has less to go needs no start.
-const START_SEEN: f32 = 0.8;
 /// A start leads the way that is no farther than this from it: the cosine.
 const START_LEADS: f32 = 0.8;
 /// So many episodes of ten begin with a start where one leads the way: the others show whether it is in the way.
@@ -192,13 +190,13 @@ impl Environment<'_> {
         }
     }
 
-    /// The first steps that lead where the way from `start` leads.
+    /// The first steps that lead where the way from `start` leads; who has less to go needs none.
     fn starts_of(&self, start: Planar) -> Vec<&Start> {
         let remaining = self.path.distance(start.position);
-        if !remaining.is_finite() || remaining < START_SEEN {
+        if !remaining.is_finite() || remaining < SEEN_AHEAD {
             return Vec::new();
         }
-        let ahead = self.path.point_ahead(start.position, START_SEEN) - start.position;
+        let ahead = self.path.point_ahead(start.position, SEEN_AHEAD) - start.position;
         let ahead = start.direction_to_local(ahead).normalize_or_zero();
         self.database.starts.iter().filter(|start| start.way.dot(ahead) > START_LEADS).collect()
     }

@@ -235,16 +235,19 @@ impl Touches<'_> {
         {
             let capsule = Capsule { radii: capsule.radii.map(|radius| radius + NEAR), ..capsule };
             let above = around.counted_from(part, frame, self.room.floor);
-            let Some(contact) = around.scene.depth_of(&capsule, above) else { continue };
-            // An elbow, a wrist or a knee is the far end of what it hangs from, which knows from which side it came.
-            if !contact.through && contact.part < NEAR_END && begins_where_another_ends(part) {
-                continue;
+            let seen_before = hangs_from(part)
+                .is_some_and(|before| around.counted_from(before, frame, self.room.floor) <= above);
+            for contact in around.scene.contacts_of(&capsule, above) {
+                // An elbow, a wrist or a knee is the far end of what it hangs from, which knows from which side it came.
+                if !contact.through && contact.part < NEAR_END && seen_before {
+                    continue;
+                }
+                let contact =
+                    if self.limbs == Limbs::Arms { from_the_shoulder(contact, &capsule) } else { contact };
+                let place = capsule.ends[0].lerp(capsule.ends[1], contact.part);
+                let depth = contact.depth - NEAR - RESTS;
+                out.push((shape, Touch { depth, place, direction: contact.direction, share: 1.0 }));
             }
-            let contact =
-                if self.limbs == Limbs::Arms { from_the_shoulder(contact, &capsule) } else { contact };
-            let place = capsule.ends[0].lerp(capsule.ends[1], contact.part);
-            let depth = contact.depth - NEAR - RESTS;
-            out.push((shape, Touch { depth, place, direction: contact.direction, share: 1.0 }));
         }
         out
     }
@@ -263,9 +266,18 @@ impl Touches<'_> {
     }
 }
 
-fn begins_where_another_ends(part: BodyPart) -> bool {
+/// The part at whose end this one begins.
+fn hangs_from(part: BodyPart) -> Option<BodyPart> {
     use BodyPart::*;
-    matches!(part, LeftForearm | RightForearm | LeftHand | RightHand | LeftShin | RightShin)
+    Some(match part {
+        LeftForearm => LeftUpperArm,
+        RightForearm => RightUpperArm,
+        LeftHand => LeftForearm,
+        RightHand => RightForearm,
+        LeftShin => LeftThigh,
+        RightShin => RightThigh,
+        _ => return None,
+    })
 }
 
 /// An arm that passes through a surface went there from its shoulder: however little of it is on that side, the far end has to

@@ -55,4 +55,5 @@ pub use feature::FeatureWeights;
 pub use file::{Summary, SummaryRow};
 pub use known_poses::KnownPoses;
 pub use mocap_writer::to_bvh;
+pub(crate) use start::SEEN_AHEAD;
 pub use start::Start;

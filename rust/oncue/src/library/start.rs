@@ -31,8 +31,10 @@ const BEGUN: f32 = 0.1;
 const SHORTEST_SHIFT: usize = 8;
 /// Frames from the foot's leaving to the step that is well under way.
 const UNDER_WAY: usize = 10;
-/// Where the step leads is seen so many frames after the foot has left, …
-const SEEN_AFTER: usize = 30;
+/// Where the step leads is seen so far ahead, metres: who sets off aside has turned by then; …
+pub(crate) const SEEN_AHEAD: f32 = 0.8;
+/// … so many frames after the foot has left at the latest, …
+const SEEN_AFTER: std::ops::RangeInclusive<usize> = 30..=75;
 /// … and it gets at least so far, metres: who turns on the spot sets off nowhere.
 const LEAST_WAY: f32 = 0.25;
 
@@ -45,9 +47,9 @@ pub(super) fn starts(frames: &[DatabaseFrame], travel: impl Fn(usize, usize) -> 
     };
     let of = |at: usize| {
         let clip_end = at + usize::from(frames[at].remaining);
-        let leaves = (at..clip_end.min(at + SEEN_AFTER)).find(|&f| frames[f].stands != [true; 2])?;
+        let leaves = (at..clip_end.min(at + SEEN_AFTER.start())).find(|&f| frames[f].stands != [true; 2])?;
         let swings = usize::from(frames[leaves].stands[0]);
-        if !frames[leaves].stands[1 - swings] || leaves + SEEN_AFTER > clip_end {
+        if !frames[leaves].stands[1 - swings] || leaves + SEEN_AFTER.start() > clip_end {
             return None;
         }
         let earliest = (leaves - LONGEST_SHIFT.min(frames[leaves].index as usize)..leaves)
@@ -59,7 +61,10 @@ pub(super) fn starts(frames: &[DatabaseFrame], travel: impl Fn(usize, usize) -> 
         let shift = |frame: usize| travel(earliest, frame - earliest).position.dot(towards);
         let most = shift(leaves);
         let begun = (earliest..leaves).rev().find(|&f| shift(f) < BEGUN * most)?;
-        let way = travel(begun, leaves + SEEN_AFTER - begun).position;
+        let way = |frame: usize| travel(begun, frame - begun).position;
+        let last = (leaves + SEEN_AFTER.end()).min(clip_end);
+        let seen = (leaves + SEEN_AFTER.start()..last).find(|&f| way(f).length() > SEEN_AHEAD);
+        let way = way(seen.unwrap_or(last));
         let is_start = most >= LEAST_SHIFT && leaves - begun >= SHORTEST_SHIFT && way.length() >= LEAST_WAY;
         is_start.then(|| Start { first: begun, end: leaves + UNDER_WAY, way: way.normalize() })
     };

@@ -28,14 +28,14 @@ use limb::reach;
 use score::{Moment, Score};
 
 /// Seconds in which a body comes to life as its action completes, and frames in which a hand that follows a cue goes still before it.
-const BEGINS_IN: f32 = 1.0;
+const BEGINS_IN: f32 = 0.5;
 const CARRIED_MARGIN: usize = 12;
 /// Of a movement that a clip ends in, what is left from frame to frame.
 const SETTLES: f32 = 0.8;
 
 /// What breath does: the chest extends, the collar bones rise, radians.
-const BREATH_CHEST: f32 = 0.014;
-const BREATH_SHOULDERS: f32 = 0.022;
+const BREATH_CHEST: f32 = 0.018;
+const BREATH_SHOULDERS: f32 = 0.030;
 /// How far a pelvis rolls with the weight, radians: on a seat towards it, over the feet away from it.
 const ROLLS_SEATED: f32 = 0.035;
 const ROLLS_STANDING: f32 = -0.022;

@@ -51,6 +51,9 @@ pub fn nearest_parts(one: [Vec3; 2], other: [Vec3; 2]) -> (f32, f32) {
     if held == t { (s, t) } else { (((held * de - dr) / dd).clamp(0.0, 1.0), held) }
 }
 
+/// A triangle lower than this is a line, metres: what is left of its normal is rounding.
+const FLAT: f32 = 1e-5;
+
 /// Where a straight piece is nearest to a triangle: the part (0..=1) of the piece, the place on the triangle, and whether the
 /// piece passes through it.
 pub fn nearest_to_triangle(ends: [Vec3; 2], triangle: [Vec3; 3]) -> (f32, Vec3, bool) {
@@ -62,8 +65,11 @@ pub fn nearest_to_triangle(ends: [Vec3; 2], triangle: [Vec3; 3]) -> (f32, Vec3, 
             .all(|(from, to)| (*to - *from).cross(point - *from).dot(normal) >= 0.0)
     };
     let square = normal.length_squared();
+    // A triangle that is but a line has no face, and any point would be inside of it.
+    let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    let has_face = square > FLAT * FLAT * longest;
     let sides = ends.map(|end| (end - a).dot(normal));
-    if sides[0] * sides[1] < 0.0 {
+    if has_face && sides[0] * sides[1] < 0.0 {
         let part = sides[0] / (sides[0] - sides[1]);
         let place = along(ends, part);
         if inside(place) {
@@ -79,7 +85,7 @@ pub fn nearest_to_triangle(ends: [Vec3; 2], triangle: [Vec3; 3]) -> (f32, Vec3, 
     };
     for (end, part) in [(0, 0.0), (1, 1.0)] {
         let foot = ends[end] - normal * (sides[end] / square.max(f32::MIN_POSITIVE));
-        if inside(foot) {
+        if has_face && inside(foot) {
             offer(part, foot);
         }
     }
@@ -111,7 +117,27 @@ mod tests {
         assert!((one.depth_in(&one) - 0.1).abs() < 1e-6);
     }
 
+    #[test]
+    fn a_triangle_that_is_a_line_has_no_face() {
+        // A roof's corner as a room of the examples has it: three points on one line, 1.5 m from a limb.
+        let line = [Vec3::new(1.0, -2.0, 1.5), Vec3::new(1.0, 0.0, 1.0), Vec3::new(1.0, -1.0, 1.25)];
+        let limb = [Vec3::new(2.5, -1.0, 1.25), Vec3::new(2.5, -1.0, 2.0)];
+        let (part, place, through) = nearest_to_triangle(limb, line);
+        assert!((along(limb, part).distance(place) - 1.5).abs() < 1e-5 && !through, "{part} {place}");
+    }
+
     proptest! {
+        #[test]
+        fn a_thin_triangle_is_no_nearer_than_its_longest_edge(
+            a in point(), b in point(), c in point(), d in point(), u in 0f32..1.0, off in point(), thin in -9f32..-3.0,
+        ) {
+            let triangle = [c, d, c.lerp(d, u) + off * 10f32.powf(thin)];
+            let (part, place, _) = nearest_to_triangle([a, b], triangle);
+            let (s, t) = nearest_parts([a, b], [c, d]);
+            let (is, line) = (along([a, b], part).distance(place), along([a, b], s).distance(along([c, d], t)));
+            prop_assert!((is - line).abs() < 4e-3, "{} {}", is, line);
+        }
+
         #[test]
         fn nothing_is_nearer(a in point(), b in point(), c in point(), d in point(), e in point()) {
             let (one, other) = ([a, b], [c, d]);
@@ -120,6 +146,7 @@ mod tests {
             let (part, place, through) = nearest_to_triangle(one, [c, d, e]);
             let to_triangle = along(one, part).distance(place);
             prop_assert!(!through || to_triangle < 1e-4);
+            let mut off_it = f32::INFINITY;
             for i in 0..=20 {
                 let at = along(one, i as f32 / 20.0);
                 for j in 0..=20 {
@@ -128,9 +155,12 @@ mod tests {
                     for k in 0..=20 - j {
                         let on = c + (d - c) * v + (e - c) * (k as f32 / 20.0);
                         prop_assert!(at.distance(on) > to_triangle - 1e-4);
+                        off_it = off_it.min(place.distance(on));
                     }
                 }
             }
+            // The place is on the triangle: no farther from its nearest grid point than these are apart.
+            prop_assert!(off_it < c.distance(d).max(c.distance(e)).max(d.distance(e)) / 20.0);
         }
     }
 }

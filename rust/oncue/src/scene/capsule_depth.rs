@@ -22,19 +22,40 @@ pub struct SceneContact {
     pub through: bool,
 }
 
+/// Two directions are not the same that differ by more than 45 degrees: the cosine.
+const ANOTHER_WAY: f32 = 0.707;
+
 impl SceneIndex {
     /// The surface that a capsule is deepest in. What is lower than `above` (world z) is not counted; `None` where nothing touches.
     ///
     /// Beside a surface it is as deep as its own surface is behind it; where its axis passes through, by the shorter end of the
     /// axis more: so far it would have to be moved to be free.
     pub fn depth_of(&self, capsule: &Capsule, above: f32) -> Option<SceneContact> {
+        if self.touches_nothing(capsule, above) { None } else { self.tree.depth_of(capsule, above) }
+    }
+
+    /// The surfaces that a capsule is in, the deepest of those that would move it the same way; the deepest of all first.
+    pub(crate) fn contacts_of(&self, capsule: &Capsule, above: f32) -> Vec<SceneContact> {
+        let mut contacts: Vec<SceneContact> = Vec::new();
+        if self.touches_nothing(capsule, above) {
+            return contacts;
+        }
+        self.tree.visit_contacts(capsule, above, |contact| contacts.push(contact));
+        contacts.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+        let mut kept: Vec<SceneContact> = Vec::new();
+        for contact in contacts {
+            if kept.iter().all(|deeper| deeper.direction.dot(contact.direction) < ANOTHER_WAY) {
+                kept.push(contact);
+            }
+        }
+        kept
+    }
+
+    fn touches_nothing(&self, capsule: &Capsule, above: f32) -> bool {
         let [a, b] = capsule.ends;
         let radius = capsule.radii[0].max(capsule.radii[1]);
-        let (low, high) = (a.min(b) - radius, a.max(b) + radius);
-        if high.z < above || self.is_free(capsule, radius, low.z, above) {
-            return None;
-        }
-        self.tree.depth_of(capsule, above)
+        let (lowest, highest) = (a.z.min(b.z) - radius, a.z.max(b.z) + radius);
+        highest < above || self.is_free(capsule, radius, lowest, above)
     }
 
     /// Whether the distance field rules out that anything touches a capsule no thicker than `radius`.
@@ -53,11 +74,21 @@ impl SceneIndex {
 impl TriangleTree {
     /// [`SceneIndex::depth_of`] by the triangles alone.
     pub(super) fn depth_of(&self, capsule: &Capsule, above: f32) -> Option<SceneContact> {
+        let mut deepest: Option<SceneContact> = None;
+        self.visit_contacts(capsule, above, |contact| {
+            if contact.depth > deepest.map_or(0.0, |d| d.depth) {
+                deepest = Some(contact);
+            }
+        });
+        deepest
+    }
+
+    /// Each triangle that a capsule is in.
+    fn visit_contacts(&self, capsule: &Capsule, above: f32, mut visit: impl FnMut(SceneContact)) {
         let [a, b] = capsule.ends;
         let radius = capsule.radii[0].max(capsule.radii[1]);
         let (low, high) = (a.min(b) - radius, a.max(b) + radius);
         let low = low.with_z(low.z.max(above));
-        let mut deepest: Option<SceneContact> = None;
         self.visit_near(low, high, |triangle| {
             let normal = (triangle[1] - triangle[0]).cross(triangle[2] - triangle[0]).normalize_or_zero();
             let sides = capsule.ends.map(|end| (end - triangle[0]).dot(normal));
@@ -72,9 +103,9 @@ impl TriangleTree {
                 let shorter = usize::from(sides[1].abs() < sides[0].abs());
                 let depth =
                     capsule.radius(part) + if through { sides[shorter].abs() } else { -away.length() };
-                if depth > deepest.map_or(0.0, |d| d.depth) {
+                if depth > 0.0 {
                     let back = normal * sides[1 - shorter].signum();
-                    deepest = Some(if through {
+                    visit(if through {
                         SceneContact { depth, place, part: shorter as f32, direction: back, through }
                     } else {
                         SceneContact { depth, place, part, direction: away.normalize_or(back), through }
@@ -82,7 +113,6 @@ impl TriangleTree {
                 }
             }
         });
-        deepest
     }
 }
 

@@ -52,6 +52,10 @@ const FINGERS: f32 = 0.15;
 const OVER_A_THIGH: f32 = 0.085;
 /// Farthest that a hand on a thigh is bent and turned against its forearm, radians.
 const WRIST_BEND: f32 = 0.72;
+/// While a seated person has a foot off the floor the pelvis rolls and the trunk leans to the other side, radians, from so many
+/// seconds before.
+const BALANCES: (f32, f32) = (0.03, 0.08);
+const BALANCED_BEFORE: f32 = 0.12;
 /// Upper arms of who turns: seconds by which they lag, and radians off the trunk for each radian a second.
 const ARMS_LAG: f32 = 0.07;
 const ARMS_OUT: f32 = 0.05;
@@ -89,6 +93,8 @@ struct Signals {
     surge: Vec<f32>,
     sideways: Vec<f32>,
     seat: Vec<SeatState>,
+    /// Which foot a seated person has off the floor: 1 the left, -1 the right.
+    off_floor: Vec<f32>,
 }
 
 /// The value of a signal `seconds` later (earlier if negative).
@@ -153,6 +159,18 @@ fn pressure_keys(plan: &Plan, side: usize) -> Vec<(f32, f32)> {
     }
     keys.push((landed.max(0.0) + 0.5, STANDING));
     keys
+}
+
+/// Which foot a seated person has off the floor at `t`, eased: 1 the left, -1 the right.
+fn off_floor(plan: &Plan, t: f32) -> f32 {
+    let seated = plan.steps.iter().filter(|step| plan.is_seated(step));
+    seated
+        .map(|step| {
+            let (first, last) = (step.lift - BALANCED_BEFORE, step.land + BALANCED_BEFORE);
+            let part = ((t - first) / (last - first)).clamp(0.0, 1.0);
+            (PI * part).sin().powi(2) * if step.side == 0 { 1.0 } else { -1.0 }
+        })
+        .sum()
 }
 
 fn drift(plan: &Plan, t: f32, rates: [f32; 2], phases: [usize; 2]) -> f32 {
@@ -241,6 +259,7 @@ impl Signals {
             speed,
             surge,
             sideways: smooth(&sideways, sigma(0.3)),
+            off_floor: (0..n).map(|i| seat[i].down * off_floor(plan, time(i))).collect(),
             seat,
         };
         signals.height = signals.pelvis_height(plan);
@@ -280,7 +299,7 @@ impl Signals {
         let turn = -0.235 * size * self.lead[i];
         // The swinging side drops as it is let go, and is most of the way up again when the foot passes.
         let let_go = self.load[i] - 0.6 * shifted(&self.slow_load, i, -0.12);
-        let list = -0.062 * size * let_go * self.walking(i);
+        let list = -0.062 * size * let_go * self.walking(i) - BALANCES.0 * self.off_floor[i];
         // Hips hinge while the thighs are upright; on a low seat they have no more room.
         let share = plan.seat.map_or(0.5, |s| mix(0.64, seat::pelvis_share(s.height), seat.down));
         let tilt = 0.03 + 0.02 * self.speed[i].clamp(-0.5, 1.5) + 0.012 * self.surge[i] + share * seat.lean
@@ -367,7 +386,7 @@ impl Signals {
         let lean = 0.025
             + style.lean
             + 0.022 * self.speed[i].clamp(-1.0, 1.6)
-            + 0.035 * self.surge[i].clamp(-2.0, 2.0)
+            + 0.06 * self.surge[i].clamp(-2.0, 2.0)
             + seat.lean
             + (0.03 - seat::recline(plan)
                 + 0.07 * plan.stirred(t)
@@ -379,7 +398,8 @@ impl Signals {
         let counter = 0.010 * self.lead[i] * style.pelvis;
         let side = (0.052 * shifted(&self.slow_load, i, -0.04) + 0.05 * self.sideways[i].clamp(-1.5, 1.5))
             * (1.0 - seat.down)
-            + (0.045 * drift(plan, t, [0.08, 0.18], [1, 4]) + 0.04 * plan.stirred(t)) * seat.rest;
+            + (0.045 * drift(plan, t, [0.08, 0.18], [1, 4]) + 0.04 * plan.stirred(t)) * seat.rest
+            - BALANCES.1 * self.off_floor[i];
         let thorax = Quat::from_rotation_z(shifted(&self.yaw, i, 0.12) + counter + 0.02 * calm)
             * Quat::from_rotation_x(lean)
             * Quat::from_rotation_y(side);

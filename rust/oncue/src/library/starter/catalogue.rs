@@ -246,7 +246,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
         p.stand(STANDING_SECONDS).turn_on_spot(degrees.to_radians(), pairs);
         add(out, format!("turn on the spot {degrees}°"), p, 0.0);
     }
-    for degrees in [30.0f32, 60.0, 90.0, 135.0, 180.0] {
+    for degrees in [30.0f32, 45.0, 60.0, 75.0, 90.0, 110.0, 135.0, 160.0, 180.0] {
         for speed in [0.6, 1.1] {
             let mut p = planner(out, 0);
             let first = degrees.min(45.0).to_radians();

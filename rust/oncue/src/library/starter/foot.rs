@@ -32,6 +32,12 @@ const RISE: [(f32, [f32; 3]); 5] = [
 /// How high a seated person lifts a foot to put it elsewhere, of what a walking one does: there is a table over the knees.
 const SHUFFLE: f32 = 0.45;
 
+/// Of a walking step's heel rise and height so much is left where the foot does not trail the other one as it leaves: it is not
+/// pushed off, but lifted over.
+const FROM_BESIDE: f32 = 0.55;
+/// A foot that trails the other by this share of its way is pushed off.
+const TRAILS: f32 = 0.45;
+
 /// u where the heel strikes: lift is 0, the flat foot 1.
 const STRIKE: f32 = 0.76;
 
@@ -147,10 +153,17 @@ impl Flight {
         let forward = if ahead >= 0.0 { (ahead / 0.75).min(1.0) } else { (ahead / 0.35).max(-1.0) };
         let forward = forward.signum() * forward.abs().powf(0.8);
 
+        let behind = (ball_of(&other) - a).dot(rotate(heading, Vec2::NEG_Y));
+        let trails = (behind / (TRAILS * ahead.max(0.1))).clamp(0.0, 1.0);
+        let pushed = mix(mix(1.0, FROM_BESIDE, forward.max(0.0).sqrt()), 1.0, trails);
+
         // Backwards, the heel comes down slowly.
         let flat = land + swing * mix((1.0 - STRIKE) / STRIKE, 0.55, (-forward).max(0.0));
         let time = |u: f32| lift + u / STRIKE * swing;
-        let degrees = |v: [f32; 3]| effort * blend(v, forward).to_radians();
+        let degrees = |v: [f32; 3]| {
+            let pitch = effort * blend(v, forward).to_radians();
+            if pitch < 0.0 { pushed * pitch } else { pitch }
+        };
         let mut knots = vec![(rise, 0.0)];
         knots.extend(RISE.iter().map(|&(v, p)| (mix(rise, lift, v), degrees(p))));
         knots.extend(SWING.iter().map(|&(u, p, _)| (time(u), degrees(p))));
@@ -163,7 +176,7 @@ impl Flight {
         // A short step does not lift as high.
         let reach = effort * ((b - a).length() / 0.3).clamp(0.55, 1.0);
         let mut knots = vec![(0.0, 0.0)];
-        knots.extend(SWING[..SWING.len() - 1].iter().map(|&(u, _, h)| (u, reach * blend(h, forward) * 0.01)));
+        knots.extend(SWING[..SWING.len() - 1].iter().map(|&(u, _, h)| (u, reach * pushed * blend(h, forward) * 0.01)));
         knots.push((STRIKE, strike_height));
         let height = Spline::new(&knots, (0.0, slope * pitch_slope));
 

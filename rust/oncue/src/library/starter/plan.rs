@@ -300,10 +300,10 @@ impl Planner {
         })
     }
 
-    /// From standing: weight shifts, a short first step, a nearly full second.
+    /// From standing: weight shifts, a shorter first step, a nearly full second.
     pub(super) fn start(&mut self, speed: f32, turn: f32) -> &mut Self {
         self.stand(WEIGHT_SHIFT.0 + 0.2);
-        self.step(speed, 0.66, turn).step(speed, 0.9, 0.0)
+        self.step(speed, 0.78, turn).step(speed, 0.95, 0.0)
     }
 
     /// `count` steps at `speed`, each turning by `turn`.
