@@ -102,10 +102,24 @@ fn swing_and_twist(rotation: Quat, bone: Vec3) -> (Vec3, f32) {
 /// How far an upper arm is beyond where arms go, degrees, negative within. `arm`: its rotation in the chest's frame, the collar
 /// bone's included; side 0 is the left, 1 the right.
 pub(crate) fn shoulder_beyond(side: usize, arm: Quat) -> f32 {
-    // The right side as the left one's mirror image.
-    let arm = if side == 0 { arm } else { Quat::from_xyzw(arm.x, -arm.y, -arm.z, arm.w) };
-    let (bone, twist) = swing_and_twist(arm, Vec3::X);
+    let (bone, twist) = swing_and_twist(as_left(side, arm), Vec3::X);
     SHOULDER.beyond(bone).max(SHOULDER.twisted(twist))
+}
+
+/// How far a hand points beyond where wrists go, degrees, negative within. `hand`: its rotation in the forearm's frame.
+pub(crate) fn wrist_beyond(side: usize, hand: Quat) -> f32 {
+    WRIST.beyond(swing_and_twist(as_left(side, hand), Vec3::X).0)
+}
+
+/// How far a thigh is beyond where hips go, degrees, negative within. `thigh`: its rotation in the pelvis's frame.
+pub(crate) fn hip_beyond(side: usize, thigh: Quat) -> f32 {
+    let (bone, twist) = swing_and_twist(as_left(side, thigh), Vec3::NEG_Z);
+    HIP.beyond(bone).max(HIP.twisted(twist))
+}
+
+/// The right side's rotations as their mirror images.
+fn as_left(side: usize, rotation: Quat) -> Quat {
+    if side == 0 { rotation } else { Quat::from_xyzw(rotation.x, -rotation.y, -rotation.z, rotation.w) }
 }
 
 /// Where elbows are bent easily to, degrees of flexion: what changes an arm bends it no further.

@@ -5,6 +5,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 
+use crate::anatomy::{hip_beyond, wrist_beyond};
 use crate::library::foot::LEGS;
 use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::{JOINT_COUNT, JOINT_OFFSET, PARENT};
@@ -265,22 +266,27 @@ impl DegreesOfFreedom {
         correction: &'a [f64],
     ) -> impl Iterator<Item = Beyond> + 'a {
         let mut hinges = frame.hinges.iter();
-        self.indexed().filter(|_| self.limited).filter_map(move |(part, first)| match part {
-            Part::Shift => None,
-            Part::Hinge(_) => {
-                let hinge = hinges.next()?;
-                let angle = hinge.angle + correction[first] as f32;
-                let over = f64::from((angle - hinge.most).max(0.0) + (angle - hinge.least).min(0.0));
-                (over != 0.0).then_some(Beyond { first, size: 1, direction: [1.0, 0.0, 0.0], over })
-            }
-            Part::Ball(joint) => {
-                let turn = &correction[first..first + 3];
-                let angle = turn.iter().map(|t| t * t).sum::<f64>().sqrt();
-                let over = angle - most_turn(joint);
-                let direction = [0, 1, 2].map(|i| turn[i] / angle.max(1e-9));
-                (over > 0.0).then_some(Beyond { first, size: 3, direction, over })
-            }
-        })
+        self.indexed()
+            .filter(|_| self.limited)
+            .flat_map(move |(part, first)| match part {
+                Part::Shift => [None; 2],
+                Part::Hinge(_) => {
+                    let Some(hinge) = hinges.next() else { return [None; 2] };
+                    let angle = hinge.angle + correction[first] as f32;
+                    let over = f64::from((angle - hinge.most).max(0.0) + (angle - hinge.least).min(0.0));
+                    let beyond = Beyond { first, size: 1, direction: [1.0, 0.0, 0.0], over };
+                    [(over != 0.0).then_some(beyond), None]
+                }
+                Part::Ball(joint) => {
+                    let turn = &correction[first..first + 3];
+                    let angle = turn.iter().map(|t| t * t).sum::<f64>().sqrt();
+                    let over = angle - most_turn(joint);
+                    let direction = [0, 1, 2].map(|i| turn[i] / angle.max(1e-9));
+                    let too_far = (over > 0.0).then_some(Beyond { first, size: 3, direction, over });
+                    [too_far, beyond_cone(joint, frame.posture.rotations[joint.index()], turn, first)]
+                }
+            })
+            .flatten()
     }
 }
 
@@ -289,9 +295,33 @@ impl DegreesOfFreedom {
 pub(crate) struct Beyond {
     pub first: usize,
     pub size: usize,
+    /// How much farther it gets with each of them.
     pub direction: [f64; 3],
     pub over: f64,
 }
+
+/// Wrists and hips are turned no further than people's go, or than they are already.
+fn beyond_cone(joint: Joint, rotation: Quat, turn: &[f64], first: usize) -> Option<Beyond> {
+    let (beyond, side): (fn(usize, Quat) -> f32, usize) = match joint {
+        Joint::LeftHand | Joint::RightHand => (wrist_beyond, usize::from(joint == Joint::RightHand)),
+        Joint::LeftUpLeg | Joint::RightUpLeg => (hip_beyond, usize::from(joint == Joint::RightUpLeg)),
+        _ => return None,
+    };
+    let turn = vector(turn);
+    let over = |turn: Vec3| beyond(side, rotation * Quat::from_scaled_axis(turn)).to_radians();
+    let allowed = over(Vec3::ZERO).max(0.0);
+    let now = over(turn) - allowed;
+    if now <= 0.0 {
+        return None;
+    }
+    let slope =
+        |axis: Vec3| (over(turn + axis * CONE_STEP) - over(turn - axis * CONE_STEP)) / (2.0 * CONE_STEP);
+    let direction = Vec3::AXES.map(|axis| f64::from(slope(axis)));
+    Some(Beyond { first, size: 3, direction, over: f64::from(now) })
+}
+
+/// Steps in which the slope of a cone's edge is taken, radians.
+const CONE_STEP: f32 = 2e-3;
 
 /// How far a correction may turn a ball joint, radians: what a person has left from most postures.
 fn most_turn(joint: Joint) -> f64 {

@@ -176,7 +176,9 @@ impl Flight {
         // A short step does not lift as high.
         let reach = effort * ((b - a).length() / 0.3).clamp(0.55, 1.0);
         let mut knots = vec![(0.0, 0.0)];
-        knots.extend(SWING[..SWING.len() - 1].iter().map(|&(u, _, h)| (u, reach * pushed * blend(h, forward) * 0.01)));
+        knots.extend(
+            SWING[..SWING.len() - 1].iter().map(|&(u, _, h)| (u, reach * pushed * blend(h, forward) * 0.01)),
+        );
         knots.push((STRIKE, strike_height));
         let height = Spline::new(&knots, (0.0, slope * pitch_slope));
 
