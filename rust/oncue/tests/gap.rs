@@ -94,6 +94,8 @@ fn arms_turn_aside_between_two_cupboards() {
     settings.ppo.prior = false;
     // The best there is, whatever the take.
     settings.kept.takes = 1;
+    // What the controller does by itself: limbs that brush something are taken out of it afterwards, with the offset or without.
+    settings.editor.fit = false;
     let mut walk = |posture_offset: bool, seed: u64| {
         settings.signal.posture_offset = posture_offset;
         let done = synthesize(&scene, &database, &task, None, &settings, seed, &progress).expect("a motion");
@@ -107,16 +109,17 @@ fn arms_turn_aside_between_two_cupboards() {
         );
         arms(&scene, &done.motion)
     };
-    let mut frames = [0, 0];
+    let (mut frames, mut crossings) = (0, [0, 0]);
     for seed in 1..4 {
         let (with, without) = (walk(true, seed), walk(false, seed));
         println!("seed {seed}: with the posture offset {with:?}, without {without:?}");
-        assert!(with.other_frames == 0, "{with:?}");
-        // Without it the arms brush the cupboards, as there is no other way, and whatever else comes with that; with it they are
-        // clear or nearly so.
-        assert!(with.frames <= 3 && with.crossings < without.crossings, "{with:?} {without:?}");
-        frames[0] += with.frames;
-        frames[1] += without.frames;
+        assert!(with.other_frames == 0 && without.other_frames == 0, "{with:?} {without:?}");
+        // Without it the arms brush the cupboards, as there is no other way; with it they are clear or nearly so.
+        assert!(with.crossings < without.crossings, "{with:?} {without:?}");
+        frames += with.frames;
+        crossings[0] += with.crossings;
+        crossings[1] += without.crossings;
     }
-    assert!(5 * frames[0] < frames[1], "{frames:?}");
+    // A brief touch, three frames, a walk.
+    assert!(frames <= 9 && 5 * crossings[0] < crossings[1], "{frames} {crossings:?}");
 }
