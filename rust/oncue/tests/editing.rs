@@ -165,7 +165,8 @@ fn seat_scene(height: f32, depth: f32) -> SceneIndex {
 
 /// A sit of the library, carried so that it ends near the origin, `off` from it and turned by `turn`.
 fn sitting(off: Vec2, turn: f32) -> (Motion, usize) {
-    carried(segment(ActionLabel::Sit, 170), off, turn)
+    let on_a_chair = |name: &str| name == "sit 46 cm, turn 0°";
+    carried(segment_of(on_a_chair, ActionLabel::Sit, 170), off, turn)
 }
 
 fn carried((mut motion, complete): (Motion, usize), off: Vec2, turn: f32) -> (Motion, usize) {

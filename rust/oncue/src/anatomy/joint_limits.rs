@@ -111,12 +111,6 @@ pub(crate) fn wrist_beyond(side: usize, hand: Quat) -> f32 {
     WRIST.beyond(swing_and_twist(as_left(side, hand), Vec3::X).0)
 }
 
-/// How far a thigh is beyond where hips go, degrees, negative within. `thigh`: its rotation in the pelvis's frame.
-pub(crate) fn hip_beyond(side: usize, thigh: Quat) -> f32 {
-    let (bone, twist) = swing_and_twist(as_left(side, thigh), Vec3::NEG_Z);
-    HIP.beyond(bone).max(HIP.twisted(twist))
-}
-
 /// The right side's rotations as their mirror images.
 fn as_left(side: usize, rotation: Quat) -> Quat {
     if side == 0 { rotation } else { Quat::from_xyzw(rotation.x, -rotation.y, -rotation.z, rotation.w) }

@@ -12,7 +12,5 @@ mod own_body;
 pub(crate) use body_part::SHAPES;
 pub use body_part::{BodyPart, body_capsules};
 pub use joint_limits::LimitedTurn;
-pub(crate) use joint_limits::{
-    EASY_ELBOW, beyond_limits, elbow_flexion, hip_beyond, shoulder_beyond, wrist_beyond,
-};
+pub(crate) use joint_limits::{EASY_ELBOW, beyond_limits, elbow_flexion, shoulder_beyond, wrist_beyond};
 pub(crate) use own_body::{OwnContact, arm_contacts, arm_depth, leg_contacts, own_depth, touching};

@@ -5,7 +5,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 
-use crate::anatomy::{hip_beyond, wrist_beyond};
+use crate::anatomy::wrist_beyond;
 use crate::library::foot::LEGS;
 use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::{JOINT_COUNT, JOINT_OFFSET, PARENT};
@@ -300,15 +300,11 @@ pub(crate) struct Beyond {
     pub over: f64,
 }
 
-/// Wrists and hips are turned no further than people's go, or than they are already.
+/// Wrists are turned no further than people's go, or than they are already.
 fn beyond_cone(joint: Joint, rotation: Quat, turn: &[f64], first: usize) -> Option<Beyond> {
-    let (beyond, side): (fn(usize, Quat) -> f32, usize) = match joint {
-        Joint::LeftHand | Joint::RightHand => (wrist_beyond, usize::from(joint == Joint::RightHand)),
-        Joint::LeftUpLeg | Joint::RightUpLeg => (hip_beyond, usize::from(joint == Joint::RightUpLeg)),
-        _ => return None,
-    };
+    let side = Joint::HANDS.iter().position(|&hand| hand == joint)?;
     let turn = vector(turn);
-    let over = |turn: Vec3| beyond(side, rotation * Quat::from_scaled_axis(turn)).to_radians();
+    let over = |turn: Vec3| wrist_beyond(side, rotation * Quat::from_scaled_axis(turn)).to_radians();
     let allowed = over(Vec3::ZERO).max(0.0);
     let now = over(turn) - allowed;
     if now <= 0.0 {

@@ -471,6 +471,10 @@ impl<'a> Edit<'a> {
             }
             let posture = solve(&[frame], vec![terms])?[0];
             let miss = miss(blamed, frame, &posture).unwrap_or_default();
+            // Asked for less sharply it is reached after all: the first search had lost its way.
+            if miss.length() <= NEAR {
+                continue;
+            }
             let here = self.motion.postures[frame].planar();
             let local = here.direction_to_local(miss.truncate());
             return Err(Error::Unreachable(format!(

@@ -419,7 +419,7 @@ mod tests {
         let figures = body_figures(&after, 0.0, None);
         assert!(figures.own_body.deepest_cm < 0.5, "{:?}", figures.own_body);
         assert_eq!(figures.joint_limits.percent, 0.0, "{:?}", figures.joint_limits);
-        let left = [ARMS[0][1], ARMS[0][2]].map(Joint::index);
+        let left = [ARMS[0][1], ARMS[0][2], ARMS[0][3]].map(Joint::index);
         for (frame, (a, b)) in before.postures.iter().zip(&after.postures).enumerate() {
             assert_eq!(a.root_position, b.root_position);
             for joint in 0..a.rotations.len() {

@@ -44,10 +44,10 @@ const SETTLES_IN: f32 = 0.95;
 const FOOT_SECONDS: f32 = 0.5;
 const FEET_AT: [f32; 2] = [0.05, 0.42];
 const FOOT_LIFTS: (f32, f32) = (0.012, 0.12);
-/// While a foot is off the floor the trunk goes back and to the other side by so much, radians; lifted so high it is quite off,
-/// metres.
-const BALANCES: (f32, f32) = (0.03, 0.08);
-const OFF_THE_FLOOR: f32 = 0.02;
+/// While a foot is off the floor the trunk goes back and to the other side by so much, radians; lifted so high half of its
+/// weight is gone, metres.
+const BALANCES: (f32, f32) = (0.02, 0.06);
+const OFF_THE_FLOOR: f32 = 0.012;
 /// A foot that is nearer to its place than this is not set anew, metres.
 const STANDS: f32 = 0.025;
 
@@ -250,7 +250,7 @@ impl Score {
             FootMoment { moved: moved.truncate(), lifted, in_the_air }
         };
         let feet = [foot(0), foot(1)];
-        let off = feet.map(|foot| (foot.lifted / OFF_THE_FLOOR).min(1.0));
+        let off = feet.map(|foot| foot.lifted.powi(2) / (foot.lifted.powi(2) + OFF_THE_FLOOR.powi(2)));
         let balances = Vec2::new(-BALANCES.0 * off[0].max(off[1]), BALANCES.1 * (off[1] - off[0]));
         let knee = |side: usize| self.size * (self.knees[side].at(t).0.x + 0.10 * sway(3 + side));
         Moment {

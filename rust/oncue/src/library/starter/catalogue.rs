@@ -150,6 +150,8 @@ fn recipes() -> Vec<Recipe> {
     locomotion(&mut out);
     seats(&mut out);
     BAR_HEIGHTS.iter().for_each(|&height| sits_at_a_bar(&mut out, height));
+    // Last, since a clip's style follows from its place.
+    starts_with_a_turn(&mut out, &[45.0, 75.0, 110.0, 160.0]);
     out
 }
 
@@ -174,6 +176,25 @@ fn add(out: &mut Vec<Recipe>, name: String, mut planner: Planner, from: f32) {
 
 /// Turns inside a walk: so many radians a step at most.
 const SHARPEST: f32 = 0.80;
+
+/// `to`: degrees.
+fn starts_with_a_turn(out: &mut Vec<Recipe>, to: &[f32]) {
+    for &degrees in to {
+        for speed in [0.6, 1.1] {
+            let mut p = planner(out, 0);
+            let first = degrees.min(45.0).to_radians();
+            let count = ((degrees - 45.0) / 45.0).ceil().max(0.0);
+            // Who turns right round takes his time.
+            let turning = speed * if degrees > 140.0 { 0.7 } else { 0.8 };
+            p.stand(STANDING_SECONDS + 0.2).step(turning, 0.45, first);
+            for _ in 0..count as usize {
+                p.step(turning, 0.5, (degrees.to_radians() - first) / count);
+            }
+            p.step(speed, 0.85, 0.0).walk(3, speed, 0.0).stop(speed);
+            add(out, format!("start with a turn of {degrees}° to {speed:.1} m/s"), p, 0.0);
+        }
+    }
+}
 
 fn locomotion(out: &mut Vec<Recipe>) {
     for (i, speed) in [0.4, 0.55, 0.7, 0.85, 1.0, 1.15, 1.3, 1.5].into_iter().enumerate() {
@@ -246,19 +267,7 @@ fn locomotion(out: &mut Vec<Recipe>) {
         p.stand(STANDING_SECONDS).turn_on_spot(degrees.to_radians(), pairs);
         add(out, format!("turn on the spot {degrees}°"), p, 0.0);
     }
-    for degrees in [30.0f32, 45.0, 60.0, 75.0, 90.0, 110.0, 135.0, 160.0, 180.0] {
-        for speed in [0.6, 1.1] {
-            let mut p = planner(out, 0);
-            let first = degrees.min(45.0).to_radians();
-            let count = ((degrees - 45.0) / 45.0).ceil().max(0.0);
-            p.stand(STANDING_SECONDS + 0.2).step(speed * 0.8, 0.45, first);
-            for _ in 0..count as usize {
-                p.step(speed * 0.8, 0.5, (degrees.to_radians() - first) / count);
-            }
-            p.step(speed, 0.85, 0.0).walk(3, speed, 0.0).stop(speed);
-            add(out, format!("start with a turn of {degrees}° to {speed:.1} m/s"), p, 0.0);
-        }
-    }
+    starts_with_a_turn(out, &[30.0, 60.0, 90.0, 135.0, 180.0]);
     // A few steps: small corrections of place.
     for (i, share) in [0.3, 0.5, 0.75].into_iter().enumerate() {
         let mut p = planner(out, i % 2);

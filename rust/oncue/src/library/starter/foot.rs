@@ -34,7 +34,7 @@ const SHUFFLE: f32 = 0.45;
 
 /// Of a walking step's heel rise and height so much is left where the foot does not trail the other one as it leaves: it is not
 /// pushed off, but lifted over.
-const FROM_BESIDE: f32 = 0.55;
+const FROM_BESIDE: f32 = 0.65;
 /// A foot that trails the other by this share of its way is pushed off.
 const TRAILS: f32 = 0.45;
 

@@ -154,7 +154,7 @@ pub(super) const WALKING_WIDTH: f32 = 0.115;
 pub(super) const BALL: f32 = -JOINT_OFFSET[Joint::LeftToe.index()].y;
 const TOE_OUT: f32 = 0.11;
 /// The longest swing of a small step: seconds, and for each metre that the ball of the foot moves.
-const SHORTEST_SWING: f32 = 0.23;
+const SHORTEST_SWING: f32 = 0.26;
 const SWING_PER_METRE: f32 = 0.45;
 /// Share of the way down after which a person may turn on the seat: the weight is on it and the trunk comes up.
 pub(super) const SWIVEL_FROM: f32 = 0.80;

@@ -102,7 +102,7 @@ fn lean_up(height: f32) -> f32 {
 /// Of the way down, when the pelvis begins to sink and when it rests.
 const SINKING: (f32, f32) = (0.02, 0.79);
 /// Fastest sink but for what leaning adds to it, m/s.
-const FASTEST_SINK: f32 = 0.345;
+const FASTEST_SINK: f32 = 0.325;
 
 /// Seconds from the first lean to sitting: the pelvis sinks by minimum jerk, whose fastest is 15/8 of its mean speed.
 pub(super) fn way_down(height: f32, pace: f32) -> f32 {
@@ -136,7 +136,7 @@ pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
             lean: lean_up(seat.height)
                 * most
                 * keyed(&[(0.0, 0.0), (0.36, 1.0), (0.46, 0.97), (0.96, 0.0)], v),
-            hands: 1.0 - ease(v, 0.24, 0.86),
+            hands: 1.0 - ease(v, 0.22, 0.90),
             // From a bar stool one slides, and hands have nothing to push.
             reach: keyed(&[(0.0, 0.0), (0.22, 1.0), (0.34, 1.0), (0.64, 0.0)], v)
                 * (1.0 - ease(seat.height, 0.58, 0.74)),

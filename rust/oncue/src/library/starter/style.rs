@@ -128,7 +128,7 @@ impl Manner {
         let ahead = if first == 0 { -1.0 } else { 1.0 };
         let mut about = |middle: f32, spread: f32| middle + spread * random.random_range(-1.0f32..1.0);
         let manner = Self {
-            pace: about(0.95, 0.24),
+            pace: about(1.0, 0.24),
             bow: about(1.04, 0.24),
             recline: attitude + about(0.0, 0.035),
             width: about(0.285, 0.045),
@@ -181,7 +181,7 @@ impl Style {
             pelvis: about(1.0, 0.15),
             lean: about(0.0, 0.015),
             hands: about(0.0, 0.035),
-            stagger: about(0.0, 0.028),
+            stagger: about(0.0, 0.02),
             sway: about(0.012, 0.003),
             phases: std::array::from_fn(|_| about(0.0, std::f32::consts::PI)),
             seated: Manner::of_clip(index),
