@@ -477,7 +477,7 @@ fn a_known_motion_comes_back_whatever_its_joints_frames() {
                 });
                 // The one counts from the pelvis at rest, the other until the trunk is: 25 frames in the slowest of these.
                 assert!(
-                    found.complete.abs_diff(wanted.complete) < 26,
+                    found.complete.abs_diff(wanted.complete) < 24,
                     "{}: {found:?} for {wanted:?}",
                     original.name
                 );

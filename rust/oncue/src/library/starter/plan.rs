@@ -157,7 +157,7 @@ const TOE_OUT: f32 = 0.11;
 const SHORTEST_SWING: f32 = 0.26;
 const SWING_PER_METRE: f32 = 0.45;
 /// Share of the way down after which a person may turn on the seat: the weight is on it and the trunk comes up.
-pub(super) const SWIVEL_FROM: f32 = 0.80;
+pub(super) const SWIVEL_FROM: f32 = 0.84;
 /// Share of the turn on the seat in which knees are spread, and from which on one moves in: both have passed by then
 /// what is ahead in the end.
 const KNEES_PAST: f32 = 0.6;

@@ -100,7 +100,7 @@ fn lean_up(height: f32) -> f32 {
 }
 
 /// Of the way down, when the pelvis begins to sink and when it rests.
-const SINKING: (f32, f32) = (0.02, 0.79);
+const SINKING: (f32, f32) = (0.02, 0.84);
 /// Fastest sink but for what leaning adds to it, m/s.
 const FASTEST_SINK: f32 = 0.325;
 
@@ -120,14 +120,14 @@ pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
     let most = plan.style.seated.bow * greatest_lean(seat.height);
     if down {
         SeatState {
-            back: ease(v, 0.05, 0.68),
+            back: ease(v, 0.05, 0.72),
             down: ease(v, SINKING.0, SINKING.1),
             // Hips and knees give together; half-way down the trunk begins to come up again.
-            lean: most * keyed(&[(0.02, 0.0), (0.45, 1.0), (0.50, 0.98), (0.98, 0.0)], v),
-            hands: ease(v, 0.26, 0.80),
-            reach: keyed(&[(0.14, 0.0), (0.50, 1.0), (0.72, 1.0), (0.96, 0.0)], v),
+            lean: most * keyed(&[(0.02, 0.0), (0.48, 1.0), (0.53, 0.98), (0.98, 0.0)], v),
+            hands: ease(v, 0.28, 0.85),
+            reach: keyed(&[(0.15, 0.0), (0.53, 1.0), (0.76, 1.0), (0.98, 0.0)], v),
             rest: ease(v, 0.60, 1.0),
-            feet: ease(v, 0.45, 0.92),
+            feet: ease(v, 0.48, 0.95),
         }
     } else {
         SeatState {
