@@ -42,8 +42,8 @@ const SETTLINGS_VARY: f32 = 0.025;
 /// each metre of its way.
 const SETTLES_IN: f32 = 0.95;
 const FOOT_SECONDS: f32 = 0.5;
-const FEET_AT: [f32; 2] = [0.05, 0.42];
-const FOOT_LIFTS: (f32, f32) = (0.012, 0.12);
+const FEET_AT: [f32; 2] = [0.10, 0.65];
+const FOOT_LIFTS: (f32, f32) = (0.008, 0.07);
 /// While a foot is off the floor the trunk goes back and to the other side by so much, radians; lifted so high half of its
 /// weight is gone, metres.
 const BALANCES: (f32, f32) = (0.02, 0.06);

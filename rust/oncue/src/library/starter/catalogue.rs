@@ -323,8 +323,10 @@ const CLEAR_OF_THE_BAR: f32 = 0.16;
 const KNEES_APART: f32 = 0.72;
 const FEET_AT_THE_BAR: f32 = 0.20;
 
-/// Of the way down, when each foot is set as one sits.
-const FEET_SET: [f32; 2] = [0.30, 0.74];
+/// Of the way down, when each foot is set as one sits: one while the legs hardly give yet, the other once the seat carries; where the last
+/// of the turn is made while sinking, both on the way.
+const FEET_SET: [f32; 2] = [0.20, 0.86];
+const FEET_TURN: [f32; 2] = [0.30, 0.74];
 /// Seconds before the last foot is down that the trunk begins to lean.
 const LEANS_BEFORE: f32 = 0.30;
 
@@ -372,7 +374,8 @@ fn sit_down_and_swivel(p: &mut Planner, height: f32, tuck: f32, swivel: Swivel) 
             p.plan_mut().style.seated.stagger *= 0.3;
             p.plan_mut().style.seated.forth = 0.0;
         }
-        let lifts = FEET_SET.map(|part| mix(start, end, part));
+        let lifts = if swivel.sinking == 0.0 { FEET_SET } else { FEET_TURN };
+        let lifts = lifts.map(|part| mix(start, end, part));
         p.settle(swivel.sinking, lifts);
     }
     let plan = p.plan_mut();

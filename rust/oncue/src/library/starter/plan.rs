@@ -140,7 +140,7 @@ impl Plan {
 }
 
 /// From where on the way down, and until where on the way up, feet are set without carrying the body.
-const FEET_FREE: (f32, f32) = (0.28, 0.3);
+const FEET_FREE: (f32, f32) = (0.14, 0.3);
 
 /// Seconds before a foot leaves the floor that it pushes the weight off to the other, and that the weight is there.
 pub(super) const WEIGHT_SHIFT: (f32, f32) = (0.56, 0.10);
