@@ -138,6 +138,8 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
                     let arms = too_much[ARM[0]] | too_much[ARM[1]];
                     too_much[TRUNK] |= too_much[HEAD] | arms | feet;
                     too_much[LEGGED] |= arms;
+                    // Feet that are set elsewhere move thighs, and hands lie on these.
+                    too_much[FEET] |= arms && round > CARRIERS_FROM;
                 }
                 let too_much = too_much;
                 (posture, too_much)
