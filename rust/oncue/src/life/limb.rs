@@ -38,8 +38,11 @@ pub(super) fn reach(
     let bend = Quat::from_axis_angle(axis, angle(distance) - angle(now));
     let bent = lower + bend * (end - lower);
     let line = (to - upper).normalize_or(Vec3::NEG_Z);
-    let swing = Quat::from_axis_angle(line, swivel)
-        * Quat::from_rotation_arc((bent - upper).normalize_or(line), line);
+    let from = (bent - upper).normalize_or(line);
+    // By the sine: the cosine of so small a turn is rounded away.
+    let axis = from.cross(line);
+    let aside = Quat::from_axis_angle(axis.normalize_or(Vec3::X), axis.length().atan2(from.dot(line)));
+    let swing = Quat::from_axis_angle(line, swivel) * aside;
     let rotations = [swing * pose.rotation(limb[0]), swing * bend * pose.rotation(limb[1]), turned];
     let mut parent = limb[0].parent().map_or(Quat::IDENTITY, |parent| pose.rotation(parent));
     for (joint, rotation) in limb.into_iter().zip(rotations) {
