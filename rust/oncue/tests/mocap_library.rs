@@ -475,7 +475,7 @@ fn a_known_motion_comes_back_whatever_its_joints_frames() {
                 let found = found.unwrap_or_else(|| {
                     panic!("{}: no {:?} in {:?}", original.name, wanted.label, clip.segments)
                 });
-                // The one counts from the pelvis at rest, the other until the trunk is: 25 frames in the slowest of these.
+                // The one counts from the pelvis at rest, the other until the trunk is.
                 assert!(
                     found.complete.abs_diff(wanted.complete) < 24,
                     "{}: {found:?} for {wanted:?}",
