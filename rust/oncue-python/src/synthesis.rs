@@ -5,7 +5,7 @@ use std::time::Instant;
 use numpy::{PyArray2, PyArray3};
 use oncue::editor::shipped_manifold;
 use oncue::motion::FRAME_RATE;
-use oncue::{ActionType, Around, Settings, Task};
+use oncue::{ActionType, Around, Moments, Settings, Task};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -127,7 +127,8 @@ pub fn measure_motion(
             let moving = built(&moving, progress)?;
             let around =
                 Around { scene: scene.as_deref(), moving: &moving, wait, database: database.as_deref() };
-            Ok(oncue::measure(&motion, &around, &task, complete, action_from, &settings))
+            let moments = Moments { stood_at: None, action_from, complete };
+            Ok(oncue::measure(&motion, &around, &task, &moments, &settings))
         },
         |py, measured| Ok(json::to_python(py, &measured)?.unbind()),
     )

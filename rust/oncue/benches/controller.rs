@@ -50,7 +50,7 @@ fn main() {
     let (positions, triangles) = room();
     let scene = SceneIndex::build(&positions, &triangles, &settings.scene, &progress).expect("a scene");
     let task = Task {
-        start: InitialState { name: "Start".into(), position: Vec3::new(-2.0, -1.5, 0.0), yaw: 0.0 },
+        start: InitialState::standing("Start", Vec3::new(-2.0, -1.5, 0.0), 0.0),
         cue: ActionCue {
             name: "Sit".into(),
             action_type: ActionType::Sit,

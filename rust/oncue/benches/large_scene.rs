@@ -64,7 +64,7 @@ fn start() -> Job<Synthesis> {
         progress.check()?;
         let scene = SceneIndex::build(&mesh.positions, &mesh.triangles, &settings.scene, progress)?;
         let task = Task {
-            start: InitialState { name: "Start".into(), position: Vec3::new(0.6, 2.6, 0.0), yaw: 0.0 },
+            start: InitialState::standing("Start", Vec3::new(0.6, 2.6, 0.0), 0.0),
             cue: ActionCue {
                 name: "Chair".into(),
                 action_type: ActionType::Sit,

@@ -177,7 +177,7 @@ const HEAD: &str = "flat: n heel cm (p90) ball swivel° >15° % | steps heel1st%
 
 fn own_tasks() -> Vec<(String, String, Task)> {
     let task = |(i, (start, yaw, action_type, place, facing)): (usize, Errand)| {
-        let start = InitialState { name: "Start".into(), position: Vec3::new(start[0], start[1], 0.0), yaw };
+        let start = InitialState::standing("Start", Vec3::new(start[0], start[1], 0.0), yaw);
         let cue = ActionCue {
             name: "Cue".into(),
             action_type,

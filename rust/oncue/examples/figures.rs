@@ -15,6 +15,7 @@ use std::path::PathBuf;
 use oncue::figures::{BodyFigures, Surroundings, body_figures, pose_distance_figures};
 use oncue::library::{LibrarySettings, StarterUse, build, starter};
 use oncue::scene::SceneIndex;
+use oncue::seats::Seats;
 use oncue::{MotionDatabase, Progress, synthesize};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -45,7 +46,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         match synthesize(&scene, &database, &case.task, None, &case.settings, case.seed, &progress) {
             Ok(done) => {
                 println!("{}", row(case.name, &done.report.body));
-                let surroundings = Surroundings { scene: &scene, ignore_below: 0.1, seat: None };
+                let surroundings = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::default() };
                 let known = database.known_poses();
                 let took = |measure: &dyn Fn()| {
                     let begun = std::time::Instant::now();

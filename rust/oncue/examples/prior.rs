@@ -49,7 +49,7 @@ fn main() -> Result<(), AnyError> {
         scenes.push((scene, room.cues));
     }
     // The start is drawn anew each episode; this one is only where the floor is.
-    let start = InitialState { name: "Start".into(), position: glam::Vec3::ZERO, yaw: 0.0 };
+    let start = InitialState::standing("Start", glam::Vec3::ZERO, 0.0);
     let tasks: Vec<(usize, Task)> = scenes
         .iter()
         .enumerate()

@@ -8,8 +8,10 @@ use serde::{Deserialize, Serialize};
 use crate::action::{ActionType, CueHeight, Fit};
 use crate::math::Planar;
 use crate::motion::skeleton::SEATED_HIPS_HEIGHT;
+use crate::motion::{FootContact, Posture};
+use crate::seats::Seats;
 
-/// g_init: where the character stands at frame 0 and faces.
+/// g_init: where the character stands at frame 0 and faces, or what its body does there.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InitialState {
@@ -19,12 +21,44 @@ pub struct InitialState {
     pub position: Vec3,
     /// Radians; see [`Planar`].
     pub yaw: f32,
+    /// What the body does there, where the motion goes on from another; without it the character stands.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body: Option<Box<BodyState>>,
+}
+
+/// A body in motion or at rest, from which another motion goes on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodyState {
+    /// m_{-1} and m_0: the posture one frame before, and that with which the motion begins.
+    pub postures: [Posture; 2],
+    /// The feet's contacts in m_0.
+    pub contact: FootContact,
+    /// The cue whose seat it sits on.
+    pub seat: Option<ActionCue>,
 }
 
 impl InitialState {
+    /// Standing.
+    pub fn standing(name: impl Into<String>, position: Vec3, yaw: f32) -> Self {
+        Self { name: name.into(), position, yaw, body: None }
+    }
+
+    /// Going on from what a body does, on a floor of world height `floor`, metres.
+    pub fn continuing(name: impl Into<String>, body: BodyState, floor: f32) -> Self {
+        let here = body.postures[1].planar();
+        let position = here.position.extend(floor);
+        Self { name: name.into(), position, yaw: here.yaw, body: Some(Box::new(body)) }
+    }
+
     /// Its place and facing on the floor plane.
     pub fn planar(&self) -> Planar {
         Planar::new(self.position.truncate(), self.yaw)
+    }
+
+    /// The cue whose seat it sits on.
+    pub fn seat(&self) -> Option<&ActionCue> {
+        self.body.as_ref()?.seat.as_ref()
     }
 }
 
@@ -109,6 +143,39 @@ pub struct ManipulationCue {
     /// complete and the hand has got there. It may lie after the motion's end: who stands or sits still waits for it.
     #[serde(default)]
     pub first_frame: Option<usize>,
+}
+
+/// When what happens in the motion of a [`Task`], in its frames.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Moments {
+    /// When who sat at first stands.
+    pub stood_at: Option<usize>,
+    /// When the sit or stop is entered.
+    pub action_from: Option<usize>,
+    /// When the cue is to be met; where nothing is complete, the last frame.
+    pub complete: usize,
+}
+
+impl Moments {
+    /// Each of them by the same rule, where a motion is re-timed.
+    pub fn each(self, frame: impl Fn(usize) -> usize) -> Self {
+        Self {
+            stood_at: self.stood_at.map(&frame),
+            action_from: self.action_from.map(&frame),
+            complete: frame(self.complete),
+        }
+    }
+}
+
+impl Task {
+    /// The seats of its motion: that which is got up from until the person stands, that of the cue from when the sit is entered.
+    pub fn seats(&self, moments: &Moments) -> Seats {
+        let left = self.start.seat().and_then(ActionCue::seat_height);
+        Seats {
+            left: left.map(|height| (moments.stood_at.unwrap_or(0), height)),
+            taken: moments.action_from.zip(self.cue.seat_height()),
+        }
+    }
 }
 
 /// One task: a start, the cue that follows it, and what the hands do.

@@ -34,7 +34,7 @@
 //! // What the motion is made of: here the library that Oncue makes itself.
 //! let database = MotionDatabase::build(&starter::generate(&progress)?, &settings.synthesizer.weights, &progress)?;
 //! // g_init and φ_A: where the person stands at first, and where the pelvis ends.
-//! let start = InitialState { name: "Start".into(), position: corner(0.0, -1.2, 0.0), yaw: 3.0 };
+//! let start = InitialState::standing("Start", corner(0.0, -1.2, 0.0), 3.0);
 //! let seat = corner(0.0, 1.4, 0.55);
 //! let cue = ActionCue { name: "Bench".into(), action_type: ActionType::Sit, position: seat, yaw: 0.0, feet: [None; 2] };
 //! let task = Task { start, cue, manipulations: Vec::new() };
@@ -76,6 +76,7 @@ pub mod progress;
 mod range;
 pub mod report;
 pub mod scene;
+pub mod seats;
 pub mod settings;
 mod simd;
 pub mod synthesize;
@@ -84,7 +85,7 @@ mod synthesizer;
 mod test_world;
 
 pub use action::{ActionLabel, ActionType};
-pub use cue::{ActionCue, Hand, InitialState, ManipulationCue, Task};
+pub use cue::{ActionCue, BodyState, Hand, InitialState, ManipulationCue, Moments, Task};
 pub use error::{Error, Result};
 pub use glam;
 pub use job::Job;

@@ -14,6 +14,7 @@ use crate::motion::skeleton::TOE_HEIGHT;
 use crate::motion::speed::{accelerations, joint_turns};
 use crate::motion::{BODY_BOXES, FRAME_RATE, JOINT_COUNT, Joint, Limb, Motion, Pose, Posture};
 use crate::scene::{MovingObject, SceneIndex};
+use crate::seats::Seats;
 
 /// How well the feet stand.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -320,15 +321,15 @@ impl Mean {
 }
 
 /// Penetration of a motion. `ignore_below`: crossings lower than this over `floor` are not counted, metres.
-/// `seat`: the frame from which the person sits down, and the height of the seat that carries pelvis and thighs then.
+/// `seats`: what carries pelvis and thighs, and when.
 pub fn penetration_figures(
     motion: &Motion,
     scene: &SceneIndex,
     floor: f32,
     ignore_below: f32,
-    seat: Option<(usize, f32)>,
+    seats: Seats,
 ) -> PenetrationFigures {
-    penetration_among(motion, scene, &[], 0, floor, ignore_below, seat)
+    penetration_among(motion, scene, &[], 0, floor, ignore_below, seats)
 }
 
 /// The same, also in what moves, each frame in where it stands `wait` frames later.
@@ -339,7 +340,7 @@ pub fn penetration_among(
     wait: usize,
     floor: f32,
     ignore_below: f32,
-    seat: Option<(usize, f32)>,
+    seats: Seats,
 ) -> PenetrationFigures {
     let (mut both, mut legs, mut arms, mut body) = (0, 0, 0, 0);
     let mut parts: BTreeMap<Limb, usize> = BTreeMap::new();
@@ -348,11 +349,8 @@ pub fn penetration_among(
         let pose = posture.pose();
         // The paper's measure leaves nothing out; the seat is left out of the whole body's alone.
         let mut all = scene.body_intersections(&pose, above);
-        let sits = seat.filter(|(from, _)| frame >= *from);
-        let mut counts = match sits {
-            Some((_, seat)) => scene.seated_intersections(&pose, above, seat),
-            None => all,
-        };
+        let sits = seats.at(frame);
+        let mut counts = sits.map_or(all, |seat| scene.seated_intersections(&pose, above, seat));
         for object in moving {
             let more = object.body_intersections(&pose, frame + wait, above);
             for (i, node) in BODY_BOXES.iter().enumerate() {
@@ -496,15 +494,15 @@ mod tests {
         let crossings: Vec<u32> =
             motion.postures.iter().map(|p| scene.body_intersections(&p.pose(), 0.1).iter().sum()).collect();
         assert_eq!(crossings, [0, 16, 8, 8]);
-        let figures = penetration_figures(&motion, &scene, 0.0, 0.1, None);
+        let figures = penetration_figures(&motion, &scene, 0.0, 0.1, Seats::default());
         assert_eq!((figures.percent, figures.legs_percent, figures.arms_percent), (50.0, 25.0, 25.0));
         assert_eq!(figures.whole_body_percent, 75.0);
         assert_eq!(figures.parts_percent, BTreeMap::from([(Limb::Leg, 50.0), (Limb::Arm, 25.0)]));
         // Higher up than the boards nothing of the legs counts.
-        let figures = penetration_figures(&motion, &scene, 0.3, 0.1, None);
+        let figures = penetration_figures(&motion, &scene, 0.3, 0.1, Seats::default());
         assert_eq!((figures.percent, figures.legs_percent, figures.whole_body_percent), (25.0, 0.0, 25.0));
-        assert_eq!(penetration_figures(&motion, &scene, 0.0, 0.4, None), figures);
-        assert_eq!(penetration_figures(&Motion::default(), &scene, 0.0, 0.1, None).percent, 0.0);
+        assert_eq!(penetration_figures(&motion, &scene, 0.0, 0.4, Seats::default()), figures);
+        assert_eq!(penetration_figures(&Motion::default(), &scene, 0.0, 0.1, Seats::default()).percent, 0.0);
         assert!(is_penetrating(10, 0) && is_penetrating(0, 7) && !is_penetrating(9, 6));
     }
 
@@ -519,14 +517,17 @@ mod tests {
             ([1.8, -0.3, 0.70], [2.2, 0.3, 0.72]),
             ([3.8, -0.3, 0.70], [4.2, 0.3, 0.72]),
         ]);
-        let whole = |seat| penetration_figures(&motion, &scene, 0.0, 0.1, seat).whole_body_percent;
-        close(whole(None), 200.0 / 3.0);
-        close(whole(Some((0, 0.70))), 0.0);
-        close(whole(Some((2, 0.70))), 100.0 / 3.0);
-        close(whole(Some((3, 0.70))), 200.0 / 3.0);
+        let whole = |seats| penetration_figures(&motion, &scene, 0.0, 0.1, seats).whole_body_percent;
+        close(whole(Seats::default()), 200.0 / 3.0);
+        close(whole(Seats::taken(0, 0.70)), 0.0);
+        close(whole(Seats::taken(2, 0.70)), 100.0 / 3.0);
+        close(whole(Seats::taken(3, 0.70)), 200.0 / 3.0);
         // A lower seat does not carry what lies higher, and the paper's measure leaves nothing out.
-        close(whole(Some((0, 0.60))), 200.0 / 3.0);
-        close(penetration_figures(&motion, &scene, 0.0, 0.1, Some((0, 0.70))).legs_percent, 200.0 / 3.0);
+        close(whole(Seats::taken(0, 0.60)), 200.0 / 3.0);
+        close(
+            penetration_figures(&motion, &scene, 0.0, 0.1, Seats::taken(0, 0.70)).legs_percent,
+            200.0 / 3.0,
+        );
     }
 
     #[test]
@@ -550,22 +551,26 @@ mod tests {
             MovingObject::build("Board", &corners, &triangles, &poses, &crate::Progress::new())
                 .expect("a board")
         };
-        let whole = |at: usize, wait: usize, seat| {
-            penetration_among(&motion, &scene, &[board(at)], wait, 0.0, 0.1, seat).whole_body_percent
+        let whole = |at: usize, wait: usize, seats| {
+            penetration_among(&motion, &scene, &[board(at)], wait, 0.0, 0.1, seats).whole_body_percent
         };
-        close(whole(1, 0, None), 100.0 / 3.0);
-        close(whole(0, 0, None), 0.0);
-        close(whole(2, 0, None), 0.0);
+        close(whole(1, 0, Seats::default()), 100.0 / 3.0);
+        close(whole(0, 0, Seats::default()), 0.0);
+        close(whole(2, 0, Seats::default()), 0.0);
         // Who waits comes there later.
-        close(whole(4, 3, None), 100.0 / 3.0);
-        close(whole(1, 3, None), 0.0);
+        close(whole(4, 3, Seats::default()), 100.0 / 3.0);
+        close(whole(1, 3, Seats::default()), 0.0);
         // Thighs may lie on what has moved, once one sits.
-        close(whole(1, 0, Some((0, 0.70))), 0.0);
-        close(whole(1, 0, Some((2, 0.70))), 100.0 / 3.0);
-        let legs = penetration_among(&motion, &scene, &[board(1)], 0, 0.0, 0.1, Some((0, 0.70))).legs_percent;
+        close(whole(1, 0, Seats::taken(0, 0.70)), 0.0);
+        close(whole(1, 0, Seats::taken(2, 0.70)), 100.0 / 3.0);
+        let legs =
+            penetration_among(&motion, &scene, &[board(1)], 0, 0.0, 0.1, Seats::taken(0, 0.70)).legs_percent;
         close(legs, 100.0 / 3.0);
         // What lies on the floor is stepped over.
-        close(penetration_among(&motion, &scene, &[board(1)], 0, 0.7, 0.1, None).whole_body_percent, 0.0);
+        close(
+            penetration_among(&motion, &scene, &[board(1)], 0, 0.7, 0.1, Seats::default()).whole_body_percent,
+            0.0,
+        );
     }
 
     fn close(a: f32, b: f32) {

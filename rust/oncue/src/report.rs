@@ -48,6 +48,9 @@ pub struct Report {
     pub cues: Vec<Residual>,
     /// The frame from which on the person sits down or comes to stand; none where it never did.
     pub action_from: Option<usize>,
+    /// The frame on which who sat at first stands; none for who did not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stood_at: Option<usize>,
     /// How well the feet stand.
     pub foot: FootFigures,
     /// How often the body is in the scene.

@@ -10,7 +10,7 @@ use crate::controller::optimize::UpdateFigures;
 use crate::controller::{
     Environment, EpisodeEnd, KeptMotion, StoredPolicy, keep_motion, optimize_policy, request_of,
 };
-use crate::cue::Task;
+use crate::cue::{Moments, Task};
 use crate::editor::first_step::prepare_first_step;
 use crate::editor::seat::rests_from;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
@@ -99,24 +99,23 @@ pub fn synthesize_along(
     let mut motion = std::mem::take(&mut kept.motion);
     if settings.editor.fit && kept.end == EpisodeEnd::Complete {
         let later = prepare_first_step(&mut motion, task.start.position.z, progress)?;
-        kept.complete += later;
-        kept.action_from = kept.action_from.map(|frame| frame + later);
+        kept.moments = kept.moments.each(|frame| frame + later);
     }
-    let complete = kept.complete;
+    let mut moments = kept.moments;
     let mut edited = if settings.editor.fit && kept.end == EpisodeEnd::Complete {
-        let around = Surroundings::of(scene, &task.cue, kept.action_from);
+        let around = Surroundings::of(scene, task, &moments);
+        let complete = moments.complete;
         Some(edit_for_task(&mut motion, task, complete, &around, manifold, &settings.editor, progress)?)
     } else {
         None
     };
-    let mut complete = edited.as_ref().map_or(complete, |e| e.complete_frame);
-    let mut action_from = kept.action_from;
+    moments.complete = edited.as_ref().map_or(moments.complete, |e| e.complete_frame);
     laps.done("edit");
 
     if kept.end == EpisodeEnd::Complete {
         progress.stage("Bringing to life");
-        let around = Surroundings::of(stays.unwrap_or(scene), &task.cue, Some(0));
-        let from = rests_from(&motion, complete, around.seat.is_some());
+        let around = Surroundings::at_end(stays.unwrap_or(scene), &task.cue);
+        let from = rests_from(&motion, moments.complete, around.seats.taken.is_some());
         let carried = edited.as_ref().map(|e| e.carried(task)).unwrap_or_default();
         let hold = Hold {
             from,
@@ -136,20 +135,19 @@ pub fn synthesize_along(
     if task.manipulations.is_empty()
         && let Some(paced) = unhurried(&motion, &database.turns)
     {
-        complete = paced.frame_of(complete);
-        action_from = action_from.map(|frame| paced.frame_of(frame));
+        moments = moments.each(|frame| paced.frame_of(frame));
         motion = paced.motion;
-        edited.iter_mut().for_each(|e| e.complete_frame = complete);
+        edited.iter_mut().for_each(|e| e.complete_frame = moments.complete);
     }
     laps.done("edit");
 
     progress.stage("Measuring");
     let around =
         Around { scene: Some(stays.unwrap_or(scene)), moving: &[], wait: 0, database: Some(database) };
-    let measured = measure(&motion, &around, task, complete, action_from, settings);
+    let measured = measure(&motion, &around, task, &moments, settings);
     let Measured { cues, foot, penetration, body, .. } = measured;
     let sits = kept.end == EpisodeEnd::Complete && task.cue.seat_height().is_some();
-    let spans = segments(motion.len(), action_from.filter(|_| sits), complete);
+    let spans = segments(motion.len(), &moments, sits);
     let style = StyleValues::of(&motion, task.start.position.z, &spans).medians();
     laps.done("measure");
 
@@ -167,7 +165,8 @@ pub fn synthesize_along(
         success: problems.is_empty(),
         problems,
         cues,
-        action_from,
+        action_from: moments.action_from,
+        stood_at: moments.stood_at,
         foot,
         penetration: penetration.unwrap_or_default(),
         speed: speed_figures(&motion, &database.turns.usual, &database.accelerations),
@@ -176,7 +175,7 @@ pub fn synthesize_along(
         edited,
         frames: motion.len(),
         path_m: kept.tally.travelled,
-        shortest_path_m: environment.path.distance(task.start.planar().position),
+        shortest_path_m: environment.path.distance(environment.departure),
         seconds: laps.seconds,
         policy_source: source,
         updates: learning.curve.len(),
@@ -189,18 +188,27 @@ pub fn synthesize_along(
     Ok(Synthesis { motion, report, policy })
 }
 
-/// What happens in a motion of so many frames: someone is on foot, sits down from frame `sits_from` on, and sits from `complete`,
-/// which may be its last frame.
-fn segments(frames: usize, sits_from: Option<usize>, complete: usize) -> Vec<Segment> {
-    let walk =
-        |end: usize| Segment { label: ActionLabel::Walk, first: 0, end, complete: end.saturating_sub(1) };
-    let Some(from) = sits_from else { return vec![walk(frames)] };
-    let last = frames.saturating_sub(1);
-    vec![
-        walk(from),
-        Segment { label: ActionLabel::Sit, first: from, end: complete, complete },
-        Segment { label: ActionLabel::SeatedIdle, first: complete, end: frames, complete: last },
-    ]
+/// What happens in a motion of so many frames: someone gets up, if anyone sat; is on foot; and, where `sits`, sits down and sits to
+/// the end, which may be the frame on which the sit is complete.
+fn segments(frames: usize, moments: &Moments, sits: bool) -> Vec<Segment> {
+    let to_its_end = |label: ActionLabel, first: usize, end: usize| Segment {
+        label,
+        first,
+        end,
+        complete: end.saturating_sub(1),
+    };
+    let stood = moments.stood_at.unwrap_or(0);
+    let sits_from = moments.action_from.filter(|_| sits);
+    let mut out = vec![to_its_end(ActionLabel::Walk, stood, sits_from.unwrap_or(frames))];
+    if stood > 0 {
+        out.insert(0, Segment { label: ActionLabel::StandUp, first: 0, end: stood, complete: stood });
+    }
+    if let Some(from) = sits_from {
+        let complete = moments.complete;
+        out.push(Segment { label: ActionLabel::Sit, first: from, end: complete, complete });
+        out.push(to_its_end(ActionLabel::SeatedIdle, complete, frames));
+    }
+    out
 }
 
 /// What can be seen of a motion, whoever made it.
@@ -231,21 +239,19 @@ pub struct Around<'a> {
     pub database: Option<&'a MotionDatabase>,
 }
 
-/// Measures a motion for a task. `complete`: the frame at which the cue is to be met; `action_from`:
-/// that from which on the person sits down.
+/// Measures a motion for a task.
 pub fn measure(
     motion: &Motion,
     around: &Around,
     task: &Task,
-    complete: usize,
-    action_from: Option<usize>,
+    moments: &Moments,
     settings: &Settings,
 ) -> Measured {
     let floor = task.start.position.z;
-    let seat = action_from.zip(task.cue.seat_height());
+    let seats = task.seats(moments);
     let ignore_below = settings.reward.ignore_below;
-    let surroundings = around.scene.map(|scene| Surroundings::of(scene, &task.cue, action_from));
-    let cues: Vec<_> = residual(&task.cue, motion, complete).into_iter().collect();
+    let surroundings = around.scene.map(|scene| Surroundings::of(scene, task, moments));
+    let cues: Vec<_> = residual(&task.cue, motion, moments.complete).into_iter().collect();
     let mut body = body_figures(motion, floor, surroundings.as_ref());
     body.pose_distance =
         around.database.map(|database| pose_distance_figures(motion, database.known_poses(), around.scene));
@@ -254,7 +260,7 @@ pub fn measure(
     Measured {
         foot: foot_figures(motion, floor),
         penetration: around.scene.map(|scene| {
-            penetration_among(motion, scene, around.moving, around.wait, floor, ignore_below, seat)
+            penetration_among(motion, scene, around.moving, around.wait, floor, ignore_below, seats)
         }),
         cues,
         body,

@@ -173,7 +173,7 @@ impl World {
     pub(crate) fn new(boxes: &Boxes, start: Planar, cue: ActionCue) -> Self {
         let position = start.position.extend(0.0);
         let task = Task {
-            start: InitialState { name: "Here".into(), position, yaw: start.yaw },
+            start: InitialState::standing("Here", position, start.yaw),
             cue,
             manipulations: Vec::new(),
         };

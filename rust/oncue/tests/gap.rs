@@ -27,7 +27,7 @@ fn gap_room() -> SceneIndex {
 
 fn through_the_gap() -> Task {
     Task {
-        start: InitialState { name: "Start".into(), position: Vec3::new(0.5, -3.0, 0.0), yaw: 2.6 },
+        start: InitialState::standing("Start", Vec3::new(0.5, -3.0, 0.0), 2.6),
         cue: ActionCue {
             name: "Stop".into(),
             action_type: ActionType::Stop,

@@ -61,7 +61,7 @@ fn with(settings: &Settings, path: &str, hostile: Value) -> Result<Settings, ser
 
 /// From one place on the floor to a cue.
 fn task(action_type: ActionType, position: Vec3, yaw: f32) -> Task {
-    let start = InitialState { name: "Start".into(), position: Vec3::new(0.0, -1.0, 0.0), yaw: 3.0 };
+    let start = InitialState::standing("Start", Vec3::new(0.0, -1.0, 0.0), 3.0);
     let cue = ActionCue { name: "Cue".into(), action_type, position, yaw, feet: [None; 2] };
     Task { start, cue, manipulations: Vec::new() }
 }

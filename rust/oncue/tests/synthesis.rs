@@ -32,7 +32,7 @@ fn room() -> SceneIndex {
 fn task(action_type: ActionType) -> Task {
     let sits = action_type == ActionType::Sit;
     Task {
-        start: InitialState { name: "Start".into(), position: Vec3::new(0.2, -1.8, 0.0), yaw: 2.0 },
+        start: InitialState::standing("Start", Vec3::new(0.2, -1.8, 0.0), 2.0),
         cue: ActionCue {
             name: "Cue".into(),
             action_type,
@@ -232,10 +232,10 @@ fn the_figures_that_choose_are_the_figures_that_are_reported() {
         let added = kept.motion.len() - 1 - kept.tally.frames;
         assert!(added < 30, "{added}");
         let hold = (settings.synthesizer.hold_seconds * 30.0) as usize;
-        assert_eq!(kept.complete + hold + 1, kept.motion.len());
-        let seat = kept.action_from.zip(task.cue.seat_height());
+        assert_eq!(kept.moments.complete + hold + 1, kept.motion.len());
+        let seats = task.seats(&kept.moments);
         let ignore = settings.reward.ignore_below;
-        let reported = penetration_figures(&kept.motion, &scene, 0.0, ignore, seat);
+        let reported = penetration_figures(&kept.motion, &scene, 0.0, ignore, seats);
         let touching = reported.whole_body_percent / 100.0 * kept.motion.len() as f32;
         // The standing frame at the start, and the one on which the sit is entered, may count on one side only.
         let slack = 2.5 + added as f32;

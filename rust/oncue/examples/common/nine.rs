@@ -83,7 +83,7 @@ fn small(mut settings: Settings) -> Settings {
 }
 
 fn task(start: [f32; 2], yaw: f32, action_type: ActionType, cue: [f32; 3], cue_yaw: f32) -> Task {
-    let start = InitialState { name: "Start".into(), position: Vec3::new(start[0], start[1], 0.0), yaw };
+    let start = InitialState::standing("Start", Vec3::new(start[0], start[1], 0.0), yaw);
     let cue = ActionCue {
         name: "Cue".into(),
         action_type,

@@ -5,12 +5,14 @@ use glam::Vec2;
 use super::reward::{TransitionCost, transition_cost};
 use super::taste::Taste;
 use crate::action::ActionType;
-use crate::cue::Task;
+use crate::cue::{InitialState, Task};
 use crate::error::{Error, Result};
+use crate::library::Rise;
 use crate::library::database::MotionDatabase;
 use crate::library::feature::PoseFeature;
 use crate::scene::{ClearPath, SceneIndex, SceneSettings};
 use crate::settings::Settings;
+use crate::synthesizer::Character;
 
 /// What an episode plays in. Shared by all threads.
 #[derive(Debug)]
@@ -25,6 +27,10 @@ pub struct Environment<'a> {
     pub settings: &'a Settings,
     /// The ways to the cue.
     pub path: ClearPath,
+    /// Where the way from the task's start begins.
+    pub departure: Vec2,
+    /// How who sits at the start may get up, the likeliest first.
+    rises: Vec<Rise>,
     walk_weights: Vec<f32>,
     /// Places on the clear floor at which an episode may begin.
     starts: Vec<Vec2>,
@@ -72,6 +78,8 @@ impl<'a> Environment<'a> {
         }
         let walk_weights = settings.synthesizer.weights.vector(ActionType::LOCOMOTION);
         Ok(Self {
+            departure: path.departure(scene, &task.start),
+            rises: rises(database, &task.start, &walk_weights),
             scene,
             database,
             task,
@@ -106,10 +114,36 @@ impl<'a> Environment<'a> {
         &self.starts
     }
 
+    /// How who sits at the start may get up, the likeliest first; none for who stands.
+    pub(crate) fn rises(&self) -> &[Rise] {
+        &self.rises
+    }
+
     /// C_tr, C_vel of entering a database frame.
     pub fn transition_cost(&self, query: &PoseFeature, frame: usize) -> TransitionCost {
         transition_cost(query, &self.database.pose_features[frame], &self.walk_weights)
     }
+}
+
+/// Ways of getting up that are tried.
+const RISES: usize = 8;
+/// What a seat that is a metre higher or lower than the clip's costs, as a posture would.
+const OTHER_HEIGHT: f32 = 8.0;
+
+/// The library's ways of getting up whose first posture is most like that of a start that sits.
+fn rises(database: &MotionDatabase, start: &InitialState, weights: &[f32]) -> Vec<Rise> {
+    let Some(body) = start.body.as_ref().filter(|body| body.seat.is_some()) else { return Vec::new() };
+    let floor = start.position.z;
+    let cost = |rise: &Rise| {
+        let seated = Character::continuing(database, rise.first, Some(rise.end), body, floor);
+        let posture = &database.frames[rise.first].posture;
+        let height = (body.postures[1].root_position.z - floor - posture.root_position.z).abs();
+        let cost = transition_cost(&seated.pose_feature(), &database.pose_features[rise.first], weights);
+        cost.posture + OTHER_HEIGHT * height
+    };
+    let mut rises: Vec<(f32, Rise)> = database.rises.iter().map(|rise| (cost(rise), *rise)).collect();
+    rises.sort_by(|a, b| a.0.total_cmp(&b.0));
+    rises.into_iter().take(RISES).map(|(_, rise)| rise).collect()
 }
 
 #[cfg(test)]

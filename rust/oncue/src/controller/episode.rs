@@ -14,9 +14,10 @@ use super::reward::{
 use super::state::{Observation, observe};
 use crate::action::ActionType;
 use crate::anatomy::{DEEP, own_depth};
+use crate::cue::{ActionCue, BodyState, Moments};
 use crate::figures::{Surroundings, depth_in_scene};
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
-use crate::library::{SEEN_AHEAD, Start};
+use crate::library::{Rise, SEEN_AHEAD, Start};
 use crate::math::Planar;
 use crate::math::capsule::Capsule;
 use crate::math::rotation::wrap_angle;
@@ -48,6 +49,9 @@ const START_LEADS: f32 = 0.8;
 const STARTED_OF_TEN: u32 = 8;
 /// Of a hold so much is the clip's, seconds: longer ones run out, or get up again. The rest is `life`'s.
 const LONGEST_PLAYED: f32 = 1.0;
+
+/// Who steps with the same foot again sooner than after so many frames stumbles.
+const AGAIN_WITHIN: usize = 20;
 
 /// Frames of a step, over which the pace is a mean.
 const STEP_FRAMES: usize = 15;
@@ -112,6 +116,8 @@ pub struct Tally {
     pub taste: usize,
     /// It does not begin with a start, although one of the library's leads its way.
     pub unprepared: bool,
+    /// Steps, on the way to the action, of the foot that has just made the step before.
+    pub repeated_steps: usize,
     /// Pelvis to the cue at the end, metres, and facing, radians.
     pub residual: f32,
     /// The facing away from the cue's at the end, radians.
@@ -127,8 +133,13 @@ pub struct Episode {
     /// Mean r_coli of the last frames, and where the root was.
     collisions: [f32; 5],
     trail: Vec<Vec2>,
-    /// The database frame up to which the first step plays on as it is.
+    /// The database frame up to which the first step, or a getting up, plays on as it is.
     start_until: Option<usize>,
+    rising: Option<Rising>,
+    /// Frame at which who sat at first stood.
+    pub stood_at: Option<usize>,
+    /// The foot that made the last step, and the frame in which it came down.
+    last_step: Option<(usize, usize)>,
     /// Where the next search for the action may begin: the last one's find, played on.
     likely_action: Option<usize>,
     /// How tight it is beside the arms where the next decision begins, if that was looked at already.
@@ -139,6 +150,16 @@ pub struct Episode {
     pub record: Option<Motion>,
 }
 
+/// Someone who gets up.
+#[derive(Debug, Clone, Copy)]
+struct Rising {
+    /// World height of the seat, metres.
+    seat: f32,
+    walks_on: bool,
+    /// Which of the starts that will lead the way is played then, by its remainder.
+    then: u32,
+}
+
 /// What one decision led to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
@@ -146,10 +167,54 @@ pub struct Outcome {
     pub end: Option<EpisodeEnd>,
 }
 
+impl Episode {
+    /// About to be played, with the clip as it is until database frame `start_until`.
+    fn of(character: Character, start_until: Option<usize>) -> Self {
+        Self {
+            before: character.posture,
+            trail: vec![character.planar.position],
+            // None, but for the rollouts of a choice.
+            tally: Tally { taste: usize::MAX, ..Tally::default() },
+            start_until,
+            rising: None,
+            stood_at: None,
+            collisions: [1.0; 5],
+            last_step: None,
+            likely_action: None,
+            tightness: None,
+            action_from: None,
+            record: None,
+            character,
+        }
+    }
+
+    /// When what happened in it, `complete` being the frame on which it ended.
+    pub fn moments(&self, complete: usize) -> Moments {
+        Moments { stood_at: self.stood_at, action_from: self.action_from, complete }
+    }
+}
+
 impl Environment<'_> {
     /// An episode from the task's own start.
     pub fn begin(&self, rng: &mut impl Rng) -> Episode {
-        self.begin_at(self.task.start.planar(), rng)
+        let start = &self.task.start;
+        let Some(body) = &start.body else { return self.begin_at(start.planar(), rng) };
+        let Some((seat, rises)) =
+            start.seat().and_then(ActionCue::seat_height).zip(self.rises_by_chance(rng))
+        else {
+            return self.begin_as(start.planar(), Some(body), rng);
+        };
+        let character =
+            Character::continuing(self.database, rises.first, Some(rises.end), body, start.position.z);
+        let mut episode = Episode::of(character, Some(rises.end));
+        episode.rising = Some(Rising { seat, walks_on: rises.walks_on, then: rng.random() });
+        episode
+    }
+
+    /// One of the likeliest ways to get up from the task's start.
+    fn rises_by_chance(&self, rng: &mut impl Rng) -> Option<Rise> {
+        let rises = self.rises();
+        (!rises.is_empty()).then(|| rises[rng.random_range(0..rises.len())])
     }
 
     /// An episode from anywhere on the clear floor, facing anywhere.
@@ -163,31 +228,25 @@ impl Environment<'_> {
 
     /// An episode standing at `start`: about to set off as the library does, or in one of its moments of standing still.
     pub fn begin_at(&self, start: Planar, rng: &mut impl Rng) -> Episode {
+        self.begin_as(start, None, rng)
+    }
+
+    /// The same, going on from what a standing `body` does.
+    fn begin_as(&self, start: Planar, body: Option<&BodyState>, rng: &mut impl Rng) -> Episode {
         let starts = self.starts_of(start);
         let idle = &self.database.idle_frames;
         let standing = idle[rng.random_range(0..idle.len())] as usize;
         let starting = !starts.is_empty() && rng.random_range(0..10) < STARTED_OF_TEN;
         let begins = starting.then(|| starts[rng.random_range(0..starts.len())]);
         let frame = begins.map_or(standing, |start| start.first);
-        let character = Character::standing(self.database, frame, start, self.task.start.position.z);
-        let before = character.posture;
-        Episode {
-            character,
-            // None, but for the rollouts of a choice.
-            tally: Tally {
-                taste: usize::MAX,
-                unprepared: begins.is_none() && !starts.is_empty(),
-                ..Tally::default()
-            },
-            start_until: begins.map(|start| start.end),
-            before,
-            collisions: [1.0; 5],
-            trail: vec![start.position],
-            likely_action: None,
-            tightness: None,
-            action_from: None,
-            record: None,
-        }
+        let floor = self.task.start.position.z;
+        let character = match body {
+            Some(body) => Character::continuing(self.database, frame, None, body, floor),
+            None => Character::standing(self.database, frame, start, floor),
+        };
+        let mut episode = Episode::of(character, begins.map(|start| start.end));
+        episode.tally.unprepared = begins.is_none() && !starts.is_empty();
+        episode
     }
 
     /// The first steps that lead where the way from `start` leads; who has less to go needs none.
@@ -204,12 +263,42 @@ impl Environment<'_> {
     /// s_t and what is open.
     pub fn observe(&self, episode: &Episode, out: &mut [f32]) -> Observation {
         let taste = self.taste(episode.tally.taste);
-        observe(self, &episode.character, &episode.before, episode.likely_action, taste, out)
+        let mut observation =
+            observe(self, &episode.character, &episode.before, episode.likely_action, taste, out);
+        if episode.rising.is_some() {
+            // Who sits gets up first.
+            observation.action = None;
+            observation.allowed = [false; TYPE_COUNT];
+            observation.allowed[ActionType::LOCOMOTION.index()] = true;
+        }
+        observation
+    }
+
+    /// Who got up stands: and sets off as the library does where a start leads the way.
+    fn stand(&self, episode: &mut Episode, rising: Rising) {
+        episode.rising = None;
+        episode.stood_at = Some(episode.tally.frames);
+        episode.start_until = None;
+        let here = episode.character.planar;
+        // Who sat did not stand about.
+        episode.trail = vec![here.position];
+        let starts = self.starts_of(here);
+        if rising.walks_on || starts.is_empty() {
+            return;
+        }
+        let start = starts[rising.then as usize % starts.len()];
+        episode.character.transition(self.database, start.first);
+        episode.start_until = Some(start.end);
     }
 
     /// Plays a_t for N frames, or a sit or stop to its end.
     pub fn step(&self, episode: &mut Episode, observation: &Observation, draw: &Draw) -> Outcome {
         let settings = self.settings;
+        if let Some(rising) = episode.rising
+            && episode.start_until.is_some_and(|until| episode.character.frame >= until)
+        {
+            self.stand(episode, rising);
+        }
         let character = &mut episode.character;
         let action_type = ActionType::ALL[draw.action_type.min(TYPE_COUNT - 1)];
         let signal = settings.signal.decode(action_type, &draw.vector, character.velocity());
@@ -334,16 +423,14 @@ impl Environment<'_> {
         episode.before = episode.character.posture;
         let root_before = episode.character.planar.position;
         let earlier = episode.character.before.positions;
+        let contact = episode.character.contact;
         episode.character.advance(self.database, offset);
         let character = &episode.character;
         let floor = character.floor;
         let above = floor + settings.reward.ignore_below;
         // The seat under the pelvis is what a sit is for.
-        let seat = self.task.cue.seat_height().filter(|_| action);
-        let counts = match seat {
-            Some(seat) => self.scene.seated_intersections(&character.pose, above, seat),
-            None => self.scene.body_intersections(&character.pose, above),
-        };
+        let seat = self.task.cue.seat_height().filter(|_| action).or(episode.rising.map(|r| r.seat));
+        let counts = self.scene.intersections_on(&character.pose, above, seat);
         let coli = collision_reward(&counts, &settings.reward);
         let place = character.planar.position;
         let step = place.distance(root_before);
@@ -355,6 +442,17 @@ impl Environment<'_> {
             let own_depth = own_depth(&character.pose);
             tally.in_own_body += OWN_BODY_EVERY * usize::from(own_depth > DEEP);
             tally.own_depth += OWN_BODY_EVERY as f32 * own_depth;
+        }
+        for side in 0..2 {
+            match (contact[side] > 0.0, character.contact[side] > 0.0) {
+                (true, false) if !action => {
+                    let again =
+                        |&(last, down): &(usize, usize)| last == side && tally.frames - down < AGAIN_WITHIN;
+                    tally.repeated_steps += usize::from(episode.last_step.as_ref().is_some_and(again));
+                }
+                (false, true) => episode.last_step = Some((side, tally.frames)),
+                _ => {}
+            }
         }
         tally.hurry += character.leg_speed - 1.0;
         tally.worst_hurry = tally.worst_hurry.max(character.leg_speed - 1.0);
@@ -396,7 +494,7 @@ impl Environment<'_> {
         if frame >= 5 && episode.collisions.iter().sum::<f32>() / 5.0 < termination.collision {
             return Some(EpisodeEnd::Collision);
         }
-        if !action && episode.trail.len() > termination.stall_frames {
+        if !action && episode.rising.is_none() && episode.trail.len() > termination.stall_frames {
             let then = episode.trail.len() - 1 - termination.stall_frames;
             let walked: f32 = episode.trail[then..].windows(2).map(|w| w[0].distance(w[1])).sum();
             // Turning on the spot is not standing about.
@@ -421,7 +519,7 @@ impl Environment<'_> {
         for _ in 0..(seconds * FRAME_RATE) as usize {
             self.frame(episode, &PostureOffset::default(), true, &mut Means::default());
         }
-        let surroundings = Surroundings::of(self.scene, &self.task.cue, Some(0));
+        let surroundings = Surroundings::at_end(self.scene, &self.task.cue);
         let character = &episode.character;
         episode.tally.held_depth = depth_in_scene(&character.pose, character.floor, &surroundings);
     }
@@ -451,7 +549,7 @@ impl Environment<'_> {
 
     /// Nothing that an artist would mind: the cue met, no limb in the scene, no detour.
     pub fn is_clean(&self, end: EpisodeEnd, tally: &Tally) -> bool {
-        let shortest = self.path.distance(self.task.start.planar().position);
+        let shortest = self.path.distance(self.departure);
         self.succeeded(end, tally)
             && tally.penetrating == 0
             && tally.touching * 100 <= tally.frames

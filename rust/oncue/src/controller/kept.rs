@@ -13,6 +13,7 @@ use super::episode::{Episode, EpisodeEnd, Tally};
 use super::policy::{Draw, Gaussian, Policy, TYPE_COUNT, draw};
 use super::signal::OFFSET_SIZE;
 use crate::anatomy::DEEP;
+use crate::cue::Moments;
 use crate::error::Result;
 use crate::figures::{Surroundings, body_figures, pose_distance_figures};
 use crate::math::Planar;
@@ -36,10 +37,8 @@ const OFFSET_HELD: f32 = 0.8;
 pub struct KeptMotion {
     /// From the first frame (standing at the start) to the end; a completed action is held for a while.
     pub motion: Motion,
-    /// The frame on which the action is complete, else the last.
-    pub complete: usize,
-    /// Frame at which the sit or stop was entered.
-    pub action_from: Option<usize>,
+    /// When what happens in it.
+    pub moments: Moments,
     /// How its episode ended.
     pub end: EpisodeEnd,
     /// Figures of its episode.
@@ -116,12 +115,12 @@ pub fn keep_motion(
     let best = best.into_iter().next().ok_or(crate::error::Error::Cancelled)?;
     let best = if choosing { spare_arms(environment, policy, &map, best, progress)? } else { best };
     let (episode, complete) = record(environment, &best);
+    let moments = episode.moments(complete);
     let motion = episode.record.unwrap_or_default();
     let paced = unhurried(&motion, &environment.database.turns);
     let frame_of = |frame: usize| paced.as_ref().map_or(frame, |p| p.frame_of(frame));
     Ok(KeptMotion {
-        action_from: episode.action_from.map(frame_of),
-        complete: frame_of(complete),
+        moments: moments.each(frame_of),
         motion: paced.map_or(motion, |p| p.motion),
         end: best.end,
         tally: best.tally,
@@ -162,9 +161,8 @@ const VERY_DEEP_SHARE: f32 = 10.0;
 /// How much an eye would object to in a candidate's motion: the sentences of a report, and how bad the worst of the scene is.
 fn objections(environment: &Environment, candidate: &Candidate) -> f32 {
     let settings = environment.settings;
-    let episode = record(environment, candidate).0;
-    let cue = &environment.task.cue;
-    let surroundings = Surroundings::of(environment.scene, cue, episode.action_from);
+    let (episode, complete) = record(environment, candidate);
+    let surroundings = Surroundings::of(environment.scene, environment.task, &episode.moments(complete));
     let motion = episode.record.unwrap_or_default();
     let body = body_figures(&motion, episode.character.floor, Some(&surroundings));
     let known = environment.database.known_poses();
@@ -365,7 +363,7 @@ fn record(environment: &Environment, candidate: &Candidate) -> (Episode, usize) 
 /// transitions and jolts, feet that creep, legs that hurry, detours and dawdling.
 fn cost(environment: &Environment, end: EpisodeEnd, episode: &Episode) -> f32 {
     let way = |xy| environment.path.distance(xy).min(FARTHEST_WAY);
-    let shortest = way(environment.task.start.planar().position);
+    let shortest = way(environment.departure);
     let left = way(episode.character.planar.position);
     let met = environment.succeeded(end, &episode.tally);
     cost_of(&episode.tally, end, met, left, shortest, &environment.settings.kept.weights)
@@ -401,6 +399,7 @@ fn cost_of(tally: &Tally, end: EpisodeEnd, met: bool, left: f32, shortest: f32, 
         + w.held_depth * (tally.held_depth - DEEP).max(0.0)
         + w.taste * tally.taste.min(FARTHEST_TASTE) as f32
         + w.unprepared * f32::from(u8::from(tally.unprepared))
+        + w.repeated_step * tally.repeated_steps as f32
 }
 
 #[cfg(test)]
@@ -460,6 +459,7 @@ mod tests {
             problem: 3.7,
             taste: 1.35,
             unprepared: 0.71,
+            repeated_step: 0.43,
         }
     }
 
@@ -491,6 +491,7 @@ mod tests {
             held_depth: 0.04,
             taste: 2,
             unprepared: true,
+            repeated_steps: 2,
             residual: 0.06,
             facing: 0.17,
         }
@@ -513,6 +514,7 @@ mod tests {
             1.1 * 1.7,
             0.053 * 3.1,
             61.0 * 0.005,
+            0.43 * 2.0,
             0.83 * (4.3 - 3.2),
             0.29 * 2.0,
             1.3 * 2.1,
@@ -563,8 +565,8 @@ mod tests {
             assert_eq!(complete, best.tally.frames - held);
             assert_eq!(kept.motion.postures[0], motion.postures[0]);
             assert_eq!(kept.motion.postures.last(), motion.postures.last());
-            assert!(kept.motion.len() >= motion.len() && kept.complete >= complete);
-            assert!(kept.action_from.is_none_or(|from| from < kept.complete));
+            assert!(kept.motion.len() >= motion.len() && kept.moments.complete >= complete);
+            assert!(kept.moments.action_from.is_none_or(|from| from < kept.moments.complete));
         }
         assert!(first_was_best < 4, "else the first, not the best, would do");
     }
@@ -579,9 +581,9 @@ mod tests {
         let shortest = environment.path.distance(Vec2::ZERO);
         let cost = cost_of(&kept.tally, kept.end, true, 0.0, shortest, &world.settings.kept.weights);
         close(kept.cost, cost, 1e-4);
-        let root = kept.motion.postures[kept.complete].root_position;
+        let root = kept.motion.postures[kept.moments.complete].root_position;
         assert!(root.truncate().distance(Vec2::new(0.0, -2.0)) < 0.1, "{root}");
-        assert!(kept.action_from.expect("a stop") < kept.complete);
+        assert!(kept.moments.action_from.expect("a stop") < kept.moments.complete);
     }
 
     #[test]

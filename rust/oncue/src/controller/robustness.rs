@@ -133,7 +133,7 @@ pub(crate) fn valid_starts(environment: &Environment, spacing: f32) -> Vec<Initi
             if !environment.scene.occupancy().is_walkable(xy) {
                 continue;
             }
-            let start = InitialState { name: "Start".into(), position: xy.extend(floor), yaw: 0.0 };
+            let start = InitialState::standing("Start", xy.extend(floor), 0.0);
             let task = Task { start, ..environment.task.clone() };
             if check_task(environment.scene, &task).is_ok() {
                 valid.push(task.start);

@@ -308,6 +308,7 @@ mod tests {
     use crate::library::foot::LEGS;
     use crate::motion::skeleton::ANKLE_HEIGHT;
     use crate::motion::speed::accelerations;
+    use crate::seats::Seats;
     use crate::test_world::room;
     use glam::Quat;
     use std::f32::consts::FRAC_PI_2;
@@ -336,7 +337,7 @@ mod tests {
     /// What is left of a seated motion in `boxes`, and how far pelvis, an ankle and a toe moved at most, metres.
     fn freed(boxes: &[([f32; 3], [f32; 3])], before: &Motion) -> (Motion, [f32; 2], f32) {
         let scene = room(boxes);
-        let around = Surroundings { scene: &scene, ignore_below: 0.1, seat: Some((0, 0.45)) };
+        let around = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::taken(0, 0.45) };
         let mut after = before.clone();
         let room = Room { around: Some(&around), floor: 0.0 };
         free_body(&mut after, room, 0, &Progress::new()).expect("not cancelled");
@@ -465,7 +466,7 @@ mod tests {
             posture.rotations[Joint::LeftArm.index()] = Quat::from_rotation_y(FRAC_PI_2 - 0.3);
             posture.rotations[Joint::RightArm.index()] = Quat::from_rotation_y(-1.25);
         }
-        let around = Surroundings { scene: &scene, ignore_below: 0.1, seat: None };
+        let around = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::default() };
         let deepest = |motion: &Motion| deepest_in(motion, &around);
         assert!(deepest(&motion) > 6.0, "{}", deepest(&motion));
         let room = Room { around: Some(&around), floor: 0.0 };

@@ -77,7 +77,7 @@ pub fn edit_for_task(
         }
     }
     let room = Room { around: Some(around), floor };
-    let rests = rests_from(motion, out.complete_frame, around.seat.is_some());
+    let rests = rests_from(motion, out.complete_frame, around.seats.taken.is_some());
     free_body(motion, room, rests, progress)?;
     if !task.manipulations.is_empty() {
         progress.stage("Carrying the hands");
@@ -113,7 +113,7 @@ mod tests {
         let mut out = motion.clone();
         let settings =
             EditorSettings { reach_seconds: 0.2, reach_seconds_per_metre: 0.0, ..Default::default() };
-        let around = Surroundings::of(&world.scene, &task.cue, Some(0));
+        let around = Surroundings::at_end(&world.scene, &task.cue);
         let figures = edit_for_task(&mut out, task, complete, &around, None, &settings, &Progress::new());
         (out, figures.expect("not cancelled"))
     }

@@ -28,10 +28,11 @@ pub use crate::anatomy::{BodyPart, LimitedTurn, body_capsules};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::cue::ActionCue;
+use crate::cue::{ActionCue, Moments, Task};
 use crate::library::MotionLibrary;
 use crate::motion::{Motion, Pose, Posture};
 use crate::scene::{SEAT_GIVE, SceneIndex};
+use crate::seats::Seats;
 
 /// What an eye sees first in a motion.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -56,23 +57,31 @@ pub struct Surroundings<'a> {
     pub scene: &'a SceneIndex,
     /// What lies lower over the floor is not counted, metres.
     pub ignore_below: f32,
-    /// The frame from which the person sits down, and the height of the seat that carries pelvis and thighs then, metres.
-    pub seat: Option<(usize, f32)>,
+    /// What carries pelvis and thighs, and when.
+    pub seats: Seats,
 }
 
 impl<'a> Surroundings<'a> {
-    /// Those of a motion towards `cue`; `sits_from`: the frame from which on its seat carries the person, if it has one.
-    ///
+    /// Those of the motion of a task.
+    pub(crate) fn of(scene: &'a SceneIndex, task: &Task, moments: &Moments) -> Self {
+        Self::with(scene, task.seats(moments))
+    }
+
+    /// Those of who has met `cue`.
+    pub(crate) fn at_end(scene: &'a SceneIndex, cue: &ActionCue) -> Self {
+        Self::with(scene, Seats { left: None, taken: cue.seat_height().map(|height| (0, height)) })
+    }
+
     /// What is higher than a rug counts, whatever the paper leaves out of its penetration: a foot in a plinth of 7 cm is seen.
-    pub(crate) fn of(scene: &'a SceneIndex, cue: &ActionCue, sits_from: Option<usize>) -> Self {
-        Self { scene, ignore_below: scene.settings().carpet_height, seat: sits_from.zip(cue.seat_height()) }
+    fn with(scene: &'a SceneIndex, seats: Seats) -> Self {
+        Self { scene, ignore_below: scene.settings().carpet_height, seats }
     }
 
     /// World height from which on the scene counts for a part of the body in a frame, metres.
     pub(crate) fn counted_from(&self, part: BodyPart, frame: usize, floor: f32) -> f32 {
         let above = floor + self.ignore_below;
-        match self.seat {
-            Some((from, seat)) if frame >= from && part.is_carried() => above.max(seat + SEAT_GIVE),
+        match self.seats.at(frame) {
+            Some(seat) if part.is_carried() => above.max(seat + SEAT_GIVE),
             _ => above,
         }
     }

@@ -123,6 +123,7 @@ mod tests {
     use crate::motion::Posture;
     use crate::progress::Progress;
     use crate::scene::{SceneIndex, SceneSettings};
+    use crate::seats::Seats;
 
     /// A floor, and a wall across it at `y`.
     fn wall(y: f32) -> SceneIndex {
@@ -141,27 +142,27 @@ mod tests {
             .expect("a room")
     }
 
-    fn figures(y: f32, seat: Option<(usize, f32)>) -> SceneDepthFigures {
+    fn figures(y: f32, seats: Seats) -> SceneDepthFigures {
         let scene = wall(y);
         let mut tally = Tally::default();
         let poses = [Posture::default().pose(); 2];
-        tally.add(&poses, 0.0, &Surroundings { scene: &scene, ignore_below: 0.1, seat });
+        tally.add(&poses, 0.0, &Surroundings { scene: &scene, ignore_below: 0.1, seats });
         tally.finish()
     }
 
     #[test]
     fn a_wall_behind_the_back_by_hand() {
         // The pelvis reaches back to 0.013 + 0.115 = 12.8 cm, farther than the trunk and the legs.
-        let free = figures(0.13, None);
+        let free = figures(0.13, Seats::default());
         assert_eq!(free, SceneDepthFigures::default());
-        let deep = figures(0.112, None);
+        let deep = figures(0.112, Seats::default());
         assert!((deep.deepest_cm - 1.6).abs() < 0.01, "{deep:?}");
         assert_eq!((deep.over_1_cm_percent, deep.over_3_cm_percent), (100.0, 0.0));
         let worst = &deep.touches[0];
         assert_eq!((worst.part, worst.first, worst.end), (BodyPart::Pelvis, 0, 2));
         assert!((worst.place[1] - 0.112).abs() < 1e-5 && worst.place[2] > 0.9);
         // A seat as high as the pelvis carries it, from the second frame on.
-        let seated = figures(0.112, Some((1, 1.1)));
+        let seated = figures(0.112, Seats::taken(1, 1.1));
         assert_eq!((seated.over_1_cm_percent, seated.touches[0].end), (50.0, 1));
     }
 
@@ -172,7 +173,7 @@ mod tests {
         let mut posture = Posture::default();
         posture.rotations[0] = glam::Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
         let scene = wall(0.60);
-        let surroundings = Surroundings { scene: &scene, ignore_below: 0.1, seat: None };
+        let surroundings = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::default() };
         let found = in_scene(&posture.pose(), 0, 0.0, &surroundings);
         let radius = 0.039 - 0.011 * (0.60 - 0.458) / 0.278;
         assert_eq!(found.len(), 1, "{found:?}");
@@ -189,7 +190,7 @@ mod tests {
         let depth = |height: f32| {
             let scene = room(&[([-0.5, -0.5, 0.0], [0.5, 0.5, height])]);
             let cue = stop_cue(glam::Vec2::ZERO, 0.0);
-            depth_in_scene(&pose, 0.0, &Surroundings::of(&scene, &cue, None))
+            depth_in_scene(&pose, 0.0, &Surroundings::at_end(&scene, &cue))
         };
         // The ankle's end of the foot is 2 cm under the top of it.
         assert!(depth(0.07) > 0.015, "{}", depth(0.07));

@@ -14,6 +14,7 @@ use super::feature::{
     write_feature,
 };
 use super::known_poses::KnownPoses;
+use super::rise::{Rise, rises};
 use super::search::SearchIndex;
 use super::start::{Start, starts};
 use super::sufficiency::STANDING_FRAMES;
@@ -156,6 +157,8 @@ pub struct MotionDatabase {
     pub idle_frames: Vec<u32>,
     /// First steps, with which a motion begins where one leads its way.
     pub starts: Vec<Start>,
+    /// How one gets up from a seat.
+    pub rises: Vec<Rise>,
     /// See [`MotionDatabase::known_poses`].
     known_poses: OnceLock<KnownPoses>,
 }
@@ -207,6 +210,7 @@ impl MotionDatabase {
             accelerations,
             idle_frames,
             starts: Vec::new(),
+            rises: Vec::new(),
             known_poses: OnceLock::new(),
         };
         if database.idle_frames.is_empty() {
@@ -215,6 +219,7 @@ impl MotionDatabase {
             ));
         }
         database.starts = starts(&database.frames, |frame, ahead| database.travel(frame, ahead));
+        database.rises = rises(&database.frames);
         let built = ActionType::ALL
             .par_iter()
             .map(|&a| database.index(a, progress))

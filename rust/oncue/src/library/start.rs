@@ -15,7 +15,7 @@ use crate::math::Planar;
 pub struct Start {
     /// The database frame in which the person stands, about to shift the weight.
     pub first: usize,
-    /// That in which the first step is well under way.
+    /// That in which the second step is under way.
     pub end: usize,
     /// Where it leads, person-centric as of the first frame; of length 1.
     pub way: Vec2,
@@ -29,8 +29,10 @@ const LEAST_SHIFT: f32 = 0.02;
 const BEGUN: f32 = 0.1;
 /// … so many frames after which the foot leaves at the earliest.
 const SHORTEST_SHIFT: usize = 8;
-/// Frames from the foot's leaving to the step that is well under way.
-const UNDER_WAY: usize = 10;
+/// A step is under way so many frames after its foot has left.
+const UNDER_WAY: usize = 5;
+/// The second foot leaves so many frames after the first has left at the latest, or the start ends then, on two feet.
+const SECOND_WITHIN: usize = 40;
 /// Where the step leads is seen so far ahead, metres: who sets off aside has turned by then; …
 pub(crate) const SEEN_AHEAD: f32 = 0.8;
 /// … so many frames after the foot has left at the latest, …
@@ -65,8 +67,11 @@ pub(super) fn starts(frames: &[DatabaseFrame], travel: impl Fn(usize, usize) -> 
         let last = (leaves + SEEN_AFTER.end()).min(clip_end);
         let seen = (leaves + SEEN_AFTER.start()..last).find(|&f| way(f).length() > SEEN_AHEAD);
         let way = way(seen.unwrap_or(last));
+        // Another clip that goes on from the first step's landing has other feet, and the one that has just come down steps again.
+        let second = (leaves..clip_end.min(leaves + SECOND_WITHIN)).find(|&f| !frames[f].stands[1 - swings]);
+        let end = second.map_or(leaves + SECOND_WITHIN, |f| f + UNDER_WAY).min(clip_end);
         let is_start = most >= LEAST_SHIFT && leaves - begun >= SHORTEST_SHIFT && way.length() >= LEAST_WAY;
-        is_start.then(|| Start { first: begun, end: leaves + UNDER_WAY, way: way.normalize() })
+        is_start.then(|| Start { first: begun, end, way: way.normalize() })
     };
     (0..frames.len().saturating_sub(1)).filter(sets_off).filter_map(of).collect()
 }
@@ -94,10 +99,11 @@ mod tests {
         for start in starts {
             let frames = &database.frames[start.first..=start.end];
             assert!(frames.iter().all(|f| f.clip == frames[0].clip));
-            let leaves = start.end - UNDER_WAY;
+            let leaves = start.first + frames.iter().take_while(|f| f.stands == [true; 2]).count();
             assert!((SHORTEST_SHIFT..=LONGEST_SHIFT).contains(&(leaves - start.first)), "{start:?}");
-            assert!(frames[..leaves - start.first].iter().all(|f| f.stands == [true; 2]));
-            assert!(frames[leaves - start.first].stands.contains(&false));
+            // Both feet have left once at its end, or it has waited for the second as long as a start does.
+            let lifted = [0, 1].map(|side| frames.iter().any(|f| !f.stands[side]));
+            assert!(lifted == [true; 2] || start.end - leaves == SECOND_WITHIN, "{start:?}");
         }
     }
 

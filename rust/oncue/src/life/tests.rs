@@ -3,6 +3,7 @@ use crate::figures::{StyleFigures, StyleValues, body_figures};
 use crate::library::Segment;
 use crate::motion::skeleton::STANDING_HIPS_HEIGHT;
 use crate::scene::SceneIndex;
+use crate::seats::Seats;
 use crate::test_world::{person, room};
 use std::f32::consts::FRAC_PI_2;
 
@@ -43,8 +44,8 @@ fn hold<'a>(
     seed: u64,
     carried: &'a [(Hand, Range<usize>)],
 ) -> Hold<'a> {
-    let seat = sits.then_some((0, SEAT));
-    let around = Surroundings { scene, ignore_below: 0.1, seat };
+    let seats = Seats { left: None, taken: sits.then_some((0, SEAT)) };
+    let around = Surroundings { scene, ignore_below: 0.1, seats };
     Hold { from: 10, frames, size: 1.0, seed, floor: 0.0, feet_free: [false; 2], carried, around }
 }
 

@@ -6,9 +6,10 @@ use super::SceneIndex;
 use super::clear_path::ClearPath;
 use super::levels::{floor_around, nowhere_to_stand, on_another_level};
 use crate::action::{ActionType, Approach};
-use crate::cue::{ActionCue, Task};
+use crate::cue::{ActionCue, BodyState, Task};
 use crate::error::{Error, Result};
 use crate::math::planar::rotate;
+use crate::motion::Posture;
 
 /// The pelvis joint of a seated person is about 0.10 m over the seat; a cue farther than this over it floats, metres.
 pub(super) const FLOATING: f32 = 0.35;
@@ -60,6 +61,9 @@ fn check_start(scene: &SceneIndex, task: &Task) -> Result<()> {
     let name = &start.name;
     if !(place.is_finite() && start.yaw.is_finite()) {
         return Err(Error::input(format!("Start ‘{name}’ has a place or a facing that is not a number.")));
+    }
+    if let Some(body) = &start.body {
+        return check_body(name, body);
     }
     let (lo, hi) = scene.bounds();
     let xy = place.truncate();
@@ -114,6 +118,17 @@ fn check_start(scene: &SceneIndex, task: &Task) -> Result<()> {
         )));
     }
     Ok(())
+}
+
+/// Who is in the middle of a motion is wherever that led.
+fn check_body(name: &str, body: &BodyState) -> Result<()> {
+    let is_posture = |p: &Posture| {
+        p.root_position.is_finite() && p.rotations.iter().all(|q| (q.length_squared() - 1.0).abs() < 1e-2)
+    };
+    if body.postures.iter().all(is_posture) && body.contact.iter().all(|c| (0.0..=1.0).contains(c)) {
+        return Ok(());
+    }
+    Err(Error::input(format!("Start ‘{name}’ goes on from a posture whose places or rotations are none.")))
 }
 
 /// World z of the floor about a start that stands on something too small to walk on, no higher than a person.
@@ -291,14 +306,15 @@ fn check_way(scene: &SceneIndex, task: &Task) -> Result<()> {
     if ways.approach_points().is_empty() {
         return Err(nowhere_to_stand(scene, cue));
     }
-    if ways.distance(task.start.position.truncate()).is_finite() {
+    let from = ways.departure(scene, &task.start);
+    if ways.distance(from).is_finite() {
         return Ok(());
     }
     // Which of the two is shut in: look from the start at how near a clear way comes.
     let start = ActionCue {
         name: task.start.name.clone(),
         action_type: ActionType::Stop,
-        position: task.start.position,
+        position: from.extend(task.start.position.z),
         yaw: task.start.yaw,
         feet: [None; 2],
     };

@@ -11,7 +11,7 @@ use super::eikonal::TravelTimes;
 use super::raster::{Raster, Stencil};
 use super::settings::SceneSettings;
 use crate::action::Approach;
-use crate::cue::ActionCue;
+use crate::cue::{ActionCue, InitialState};
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
 
@@ -143,6 +143,16 @@ impl ClearPath {
     /// falling along [`ClearPath::path`].
     pub fn effort(&self, xy: Vec2) -> f32 {
         self.value(&self.times.time, xy)
+    }
+
+    /// Where the way from `start` begins: there, or, of who sits, on the free floor before the seat from where it is easiest.
+    pub fn departure(&self, scene: &SceneIndex, start: &InitialState) -> Vec2 {
+        let here = start.position.truncate();
+        let Some(seat) = start.seat() else { return here };
+        let effort = |point: &ApproachPoint| self.effort(point.position) + point.cost;
+        let points = approach_points(scene, seat);
+        let easiest = points.iter().min_by(|a, b| effort(a).total_cmp(&effort(b)));
+        easiest.map_or(here, |point| point.position)
     }
 
     /// The cue's place on the floor plane.

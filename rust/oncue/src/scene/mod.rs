@@ -230,6 +230,14 @@ impl SceneIndex {
         self.intersections(&BODY_BOXES, pose, |node| if node.is_carried() { over.max(above) } else { above })
     }
 
+    /// The one or the other: `seat` is the height of what carries the person, if anything does.
+    pub fn intersections_on(&self, pose: &Pose, above: f32, seat: Option<f32>) -> [u32; BODY_BOXES.len()] {
+        match seat {
+            Some(seat) => self.seated_intersections(pose, above, seat),
+            None => self.body_intersections(pose, above),
+        }
+    }
+
     /// As [`SceneIndex::body_intersections`] for legs and arms alone: the B of the paper's r_coli (LAMA, eq. 4). Ours counts the
     /// whole body; this is what the collision benches compare.
     pub fn limb_intersections(&self, pose: &Pose, above: f32) -> [u32; LIMB_BOX_COUNT] {

@@ -93,11 +93,7 @@ fn stop(x: f32, y: f32) -> ActionCue {
 }
 
 fn task(start: Vec3, cue: ActionCue) -> Task {
-    Task {
-        start: InitialState { name: "Here".into(), position: start, yaw: 0.0 },
-        cue,
-        manipulations: Vec::new(),
-    }
+    Task { start: InitialState::standing("Here", start, 0.0), cue, manipulations: Vec::new() }
 }
 
 /// Crossings of a box's edges with a triangle in double precision, from the edges' end points; `None` where one is

@@ -221,6 +221,8 @@ pub struct CostWeights {
     pub taste: f32,
     /// A first step without a shift of the weight, where the library has one with it.
     pub unprepared: f32,
+    /// A foot that leaves the floor again soon after it has come down, the other having stayed: nobody walks so.
+    pub repeated_step: f32,
 }
 
 impl CostWeights {
@@ -257,6 +259,7 @@ impl CostWeights {
                 problem: ANY,
                 taste: ANY,
                 unprepared: ANY,
+                repeated_step: ANY,
             },
             free {}
         );
@@ -292,6 +295,7 @@ impl Default for CostWeights {
             problem: 3.0,
             taste: 0.5,
             unprepared: 2.0,
+            repeated_step: 3.0,
         }
     }
 }

@@ -167,6 +167,31 @@ impl Foot {
         foot
     }
 
+    /// Of a character that goes on from `pose` in `frame`: it is where and as it was, and stands if it did.
+    pub(super) fn continuing(
+        planar: &Planar,
+        frame: &DatabaseFrame,
+        floor: f32,
+        side: usize,
+        pose: &Pose,
+        stands: bool,
+    ) -> Self {
+        let mut foot = Self::default();
+        let [.., ankle, toe] = CHAIN[side];
+        let rotation = pose.rotation(ankle);
+        let away = pose.position(toe) - clip_toe(planar, frame, side);
+        let low = pose.position(toe).z - floor + (rotation * HEEL_ARM).z.min(-TOE_HEIGHT);
+        let turn = to_angle_axis(rotation * (planar.rotation() * frame.foot_rotation[side]).inverse());
+        let seconds = swing_seconds(frame, side, away.truncate().length(), turn.length());
+        let away = away.with_z(low - clip_low(frame, side));
+        foot.toe.begin(away, Vec3::ZERO, seconds);
+        foot.turn.begin(turn, Vec3::ZERO, seconds);
+        if stands {
+            foot.land(planar, frame, side);
+        }
+        foot
+    }
+
     pub(super) fn transition(
         &mut self,
         planar: &Planar,

@@ -14,7 +14,7 @@ mod pace;
 
 use glam::{Quat, Vec3};
 
-use crate::cue::ActionCue;
+use crate::cue::{ActionCue, BodyState};
 use crate::library::database::MotionDatabase;
 use crate::library::feature::{PoseFeature, pose_feature};
 use crate::math::Planar;
@@ -98,6 +98,24 @@ pub struct Character {
     offset_turns: [Quat; OFFSET_JOINTS.len()],
     missing_offset: [Inertia; OFFSET_JOINTS.len()],
     alignment: Option<Alignment>,
+    lift: Option<SeatLift>,
+}
+
+/// How much higher than the clip's the seat is that one gets up from.
+#[derive(Debug, Clone, Copy)]
+struct SeatLift {
+    metres: f32,
+    /// Heights of the clip's pelvis on its seat and standing, metres.
+    seated: f32,
+    stands: f32,
+}
+
+impl SeatLift {
+    /// What of it is left where the clip's pelvis is at `height`.
+    fn at(&self, height: f32) -> f32 {
+        let risen = (height - self.seated) / (self.stands - self.seated).max(1e-3);
+        self.metres * (1.0 - risen.clamp(0.0, 1.0))
+    }
 }
 
 impl Character {
@@ -126,9 +144,63 @@ impl Character {
             offset_turns: [Quat::IDENTITY; OFFSET_JOINTS.len()],
             missing_offset: [Inertia::default(); OFFSET_JOINTS.len()],
             alignment: None,
+            lift: None,
         };
         character.pose_from(database);
         character.before = character.pose;
+        character
+    }
+
+    /// Going on from what `body` does, in database frame `frame`, on a floor `floor` metres high: what is different is gone as
+    /// after a transition; of who sits, the height of the seat as the clip's pelvis rises until frame `rises_until`.
+    pub fn continuing(
+        database: &MotionDatabase,
+        frame: usize,
+        rises_until: Option<usize>,
+        body: &BodyState,
+        floor: f32,
+    ) -> Self {
+        let [before, now] = &body.postures;
+        let here = now.planar();
+        let mut character = Self::standing(database, frame, here, floor);
+        let source = &database.frames[frame];
+        let next = &database.frames[frame + usize::from(source.remaining > 0)];
+        let local = |posture: &Posture| posture.moved(posture.planar(), Planar::default());
+        let (local_before, local_now) = (local(before), local(now));
+        for joint in 0..JOINT_COUNT {
+            let turn = |from: &Posture, to: &Posture| {
+                to_angle_axis(to.rotations[joint] * from.rotations[joint].inverse()) * FRAME_RATE
+            };
+            let offset =
+                to_angle_axis(local_now.rotations[joint] * source.posture.rotations[joint].inverse());
+            let velocity = turn(&local_before, &local_now) - turn(&source.posture, &next.posture);
+            let speed = TRANSITION_SHARE * database.turns.usual[joint] * FRAME_RATE;
+            let inertia = &mut character.joints[joint];
+            let seconds = inertia::settling_time(offset.length(), speed, TRANSITION_SECONDS);
+            inertia.begin(offset, velocity, seconds);
+            inertia.limit_velocity();
+        }
+        let height = |posture: &Posture| posture.root_position.z;
+        let away = height(now) - floor - height(&source.posture);
+        let velocity = height(now) - height(before) - height(&next.posture) + height(&source.posture);
+        let away = match rises_until {
+            Some(end) => {
+                let stands = height(&database.frames[end].posture);
+                character.lift = Some(SeatLift { metres: away, seated: height(&source.posture), stands });
+                0.0
+            }
+            None => away,
+        };
+        character.height.begin(Vec3::Z * away, Vec3::Z * velocity * FRAME_RATE, TRANSITION_SECONDS);
+        let moved = before.planar().relative(here);
+        let drift = here.direction_to_world(moved.position - source.step.position);
+        let drift = drift.extend(wrap_angle(moved.yaw - source.step.yaw));
+        character.glide.add(drift * FRAME_RATE, ROOT_SETTLES_IN);
+        (character.posture, character.contact) = (*now, body.contact);
+        (character.pose, character.before) = (now.pose(), before.pose());
+        character.feet = [0, 1].map(|side| {
+            Foot::continuing(&here, source, floor, side, &character.pose, body.contact[side] > 0.0)
+        });
         character
     }
 
@@ -178,6 +250,7 @@ impl Character {
         for side in 0..2 {
             self.feet[side].transition(&self.planar, old, old_next, new, new_next, side);
         }
+        self.height.offset.z += self.lift.take().map_or(0.0, |lift| lift.at(old.posture.root_position.z));
         self.frame = frame;
         self.alignment = None;
     }
@@ -266,7 +339,8 @@ impl Character {
     fn pose_from(&mut self, database: &MotionDatabase) {
         let source = &database.frames[self.frame];
         let posture = &mut self.posture;
-        let lift = self.alignment.as_ref().map_or(0.0, Alignment::lift);
+        let lift = self.alignment.as_ref().map_or(0.0, Alignment::lift)
+            + self.lift.map_or(0.0, |lift| lift.at(source.posture.root_position.z));
         let z = source.posture.root_position.z + self.height.offset.z + lift + self.floor;
         posture.root_position = self.planar.position.extend(z);
         let offsets = from_angle_axes(&self.joints.map(|j| j.offset));

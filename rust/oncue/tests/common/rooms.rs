@@ -38,11 +38,7 @@ pub fn read(folder: &Path) -> Vec<Row> {
                 number: text("task").into(),
                 floor_z: number("floor_z"),
                 task: Task {
-                    start: InitialState {
-                        name: "Start".into(),
-                        position: place("start"),
-                        yaw: yaw("start_heading_deg"),
-                    },
+                    start: InitialState::standing("Start", place("start"), yaw("start_heading_deg")),
                     cue: ActionCue {
                         name: text("seat_object").into(),
                         action_type: ActionType::Sit,

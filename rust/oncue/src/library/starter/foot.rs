@@ -30,7 +30,7 @@ const RISE: [(f32, [f32; 3]); 5] = [
 ];
 
 /// How high a seated person lifts a foot to put it elsewhere, of what a walking one does: there is a table over the knees.
-const SHUFFLE: f32 = 0.45;
+const SHUFFLE: f32 = 0.32;
 
 /// Of a walking step's heel rise and height so much is left where the foot does not trail the other one as it leaves: it is not
 /// pushed off, but lifted over.
