@@ -23,6 +23,8 @@ from .types import (
     Measured,
     MotionFigures,
     Passing,
+    Performance,
+    PerformanceReport,
     Point,
     PolicyOrigin,
     ProgressSnapshot,
@@ -41,6 +43,7 @@ __all__ = [
     "Library",
     "Manifold",
     "MovingObject",
+    "Performed",
     "Policy",
     "SceneIndex",
     "Synthesis",
@@ -56,6 +59,7 @@ __all__ = [
     "motion_figures",
     "optimize_policy",
     "pass_moving",
+    "perform",
     "plain_ik",
     "practice_room",
     "presets",
@@ -344,6 +348,45 @@ def synthesize(
     `stays`: what the motion is measured in, where `scene` holds what will have moved by then.
     InputError for unknown settings and malformed tasks at once; from the job for a task that cannot be met, before
     anything is optimized.
+    """
+
+@final
+class Performed:
+    """A performance as it was made: all of it, one motion, and its report."""
+
+    @property
+    def root_positions(self) -> NDArray[np.float32]:
+        """p_root: (frames, 3), world, metres."""
+    @property
+    def rotations(self) -> NDArray[np.float32]:
+        """(frames, 22, 4), w first; [:, 0] in the world, the others relative to their parent."""
+    @property
+    def contacts(self) -> NDArray[np.float32]:
+        """(frames, 2), left and right foot: 0 in the air, 0.5 near the floor, 1 planted."""
+    @property
+    def frame_rate(self) -> float:
+        """Frames a second."""
+    @property
+    def report(self) -> PerformanceReport:
+        """What the run tells about itself; docs/report.md describes it."""
+
+def perform(
+    scene: SceneIndex,
+    library: Library,
+    performance: Performance,
+    settings: Settings | None = None,
+    seed: int = 0,
+    policy: Policy | None = None,
+    manifold: Manifold | None = None,
+    earlier: Performed | None = None,
+) -> Job[Performed]:
+    """Plays a performance: cues that one person meets one after the other, getting up from seats on the way.
+
+    `earlier`: what was made of the performance before; steps that follow from the same as then are taken from it, the
+    rest is made anew. A step that cannot be played ends the performance: what lies before is kept, and
+    `report["problems"]` says why. The others as for `synthesize`.
+    InputError for malformed performances at once; from the job for a cue that can be seen not to be met, before
+    anything is played.
     """
 
 @final

@@ -51,6 +51,25 @@ class Task(TypedDict):
     manipulations: NotRequired[list[ManipulationCue]]
 
 
+class Step(TypedDict):
+    """A cue of a performance, and what is done there.
+
+    `hold_seconds`: how long the person stays; without it as long as it takes to go on, and at the end as the settings say.
+    `manipulations`: in frames of this step's own motion.
+    """
+
+    cue: ActionCue
+    hold_seconds: NotRequired[float | None]
+    manipulations: NotRequired[list[ManipulationCue]]
+
+
+class Performance(TypedDict):
+    """What one person is asked to do: a start, and cues that are met one after the other."""
+
+    start: InitialState
+    steps: list[Step]
+
+
 class Constraint(TypedDict):
     """Where a joint is to be from `first_frame` (30 Hz) on, one entry a frame; what is left out stays free.
 
@@ -663,6 +682,7 @@ class Report(TypedDict):
     problems: list[str]
     cues: list[Residual]
     action_from: int | None
+    stood_at: NotRequired[int]
     foot: FootFigures
     penetration: PenetrationFigures
     speed: SpeedFigures
@@ -680,6 +700,23 @@ class Report(TypedDict):
     rollouts: int
     rollouts_succeeded: int
     curve: list[LearningFigures]
+
+
+class StepReport(TypedDict):
+    """The report of one step of a performance. `first_frame`: the frame of the whole that is the step's frame 0."""
+
+    first_frame: int
+    report: Report
+
+
+class PerformanceReport(TypedDict):
+    """What a performance tells about itself. `steps`: those that were played, in order."""
+
+    performance_report_version: int
+    success: bool
+    problems: list[str]
+    frames: int
+    steps: list[StepReport]
 
 
 class StartFigures(TypedDict):

@@ -12,6 +12,7 @@ mod library;
 mod logging;
 mod manifold;
 mod motion;
+mod perform;
 mod policy;
 mod scene;
 mod skeleton;
@@ -27,6 +28,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<job::Job>()?;
     module.add_class::<library::Library>()?;
     module.add_class::<manifold::Manifold>()?;
+    module.add_class::<perform::Performed>()?;
     module.add_class::<policy::Policy>()?;
     module.add_class::<scene::MovingObject>()?;
     module.add_class::<scene::SceneIndex>()?;
@@ -42,6 +44,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(scene::index_scene, module)?)?;
     module.add_function(wrap_pyfunction!(scene::check_task, module)?)?;
     module.add_function(wrap_pyfunction!(scene::pass_moving, module)?)?;
+    module.add_function(wrap_pyfunction!(perform::perform, module)?)?;
     module.add_function(wrap_pyfunction!(policy::optimize_policy, module)?)?;
     module.add_function(wrap_pyfunction!(policy::robustness, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::synthesize, module)?)?;

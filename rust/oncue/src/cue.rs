@@ -22,13 +22,12 @@ pub struct InitialState {
     /// Radians; see [`Planar`].
     pub yaw: f32,
     /// What the body does there, where the motion goes on from another; without it the character stands.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_deserializing, skip_serializing_if = "Option::is_none")]
     pub body: Option<Box<BodyState>>,
 }
 
 /// A body in motion or at rest, from which another motion goes on.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BodyState {
     /// m_{-1} and m_0: the posture one frame before, and that with which the motion begins.
     pub postures: [Posture; 2],
@@ -83,6 +82,11 @@ impl ActionCue {
     /// Its place and facing on the floor plane.
     pub fn planar(&self) -> Planar {
         Planar::new(self.position.truncate(), self.yaw)
+    }
+
+    /// Whether who has met it sits.
+    pub fn is_seated(&self) -> bool {
+        self.action_type.spec().fit == Fit::Seat
     }
 
     /// World z of the seat's surface under a cue that ends on one.
@@ -189,4 +193,28 @@ pub struct Task {
     /// φ_M: what the hands do on the way or once the cue is met.
     #[serde(default)]
     pub manipulations: Vec<ManipulationCue>,
+}
+
+/// A cue of a [`Performance`], and what is done there.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Step {
+    /// φ_A.
+    pub cue: ActionCue,
+    /// How long the person stays there, seconds; without it, as long as it takes to go on, and at the end as the settings say.
+    #[serde(default)]
+    pub hold_seconds: Option<f32>,
+    /// φ_M: what the hands do on the way there or once the cue is met, in frames of this step's own motion.
+    #[serde(default)]
+    pub manipulations: Vec<ManipulationCue>,
+}
+
+/// What one person is asked to do: a start, and cues that are met one after the other.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Performance {
+    /// g_init.
+    pub start: InitialState,
+    /// At least one.
+    pub steps: Vec<Step>,
 }

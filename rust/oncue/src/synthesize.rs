@@ -38,6 +38,8 @@ const LIVELIER: f32 = 0.6;
 pub struct Synthesis {
     /// M, edited.
     pub motion: Motion,
+    /// How the episode ended that it was played in.
+    pub end: EpisodeEnd,
     /// What it is worth, and what went wrong.
     pub report: Report,
     /// To be kept for the next task in the scene.
@@ -98,7 +100,8 @@ pub fn synthesize_along(
 
     let mut motion = std::mem::take(&mut kept.motion);
     if settings.editor.fit && kept.end == EpisodeEnd::Complete {
-        let later = prepare_first_step(&mut motion, task.start.position.z, progress)?;
+        let later =
+            prepare_first_step(&mut motion, task.start.position.z, task.start.body.is_some(), progress)?;
         kept.moments = kept.moments.each(|frame| frame + later);
     }
     let mut moments = kept.moments;
@@ -185,7 +188,7 @@ pub fn synthesize_along(
         rollouts_succeeded: kept.succeeded,
         curve: learning.curve,
     };
-    Ok(Synthesis { motion, report, policy })
+    Ok(Synthesis { motion, end: kept.end, report, policy })
 }
 
 /// What happens in a motion of so many frames: someone gets up, if anyone sat; is on foot; and, where `sits`, sits down and sits to

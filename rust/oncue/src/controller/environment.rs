@@ -77,6 +77,12 @@ impl<'a> Environment<'a> {
             }
         }
         let walk_weights = settings.synthesizer.weights.vector(ActionType::LOCOMOTION);
+        if task.start.seat().is_some() && database.rises.is_empty() {
+            return Err(Error::input(
+                "The motion library has no getting up from a seat; add captures of it or let the starter library fill in what is \
+                 missing.",
+            ));
+        }
         Ok(Self {
             departure: path.departure(scene, &task.start),
             rises: rises(database, &task.start, &walk_weights),

@@ -38,11 +38,17 @@ const STARTS_SIGMA: f32 = 5e-4;
 const SHIFT_SIGMA: f32 = 3e-3;
 const LOOK_SIGMA: f32 = 0.1;
 
-/// Prepares the first step of a motion that begins standing; gives the frames that it begins later than it did.
+/// Prepares the first step of a motion that begins standing; gives the frames that it begins later than it did. `continues`: whether
+/// it goes on from another motion.
 ///
 /// # Errors
 /// `Cancelled`.
-pub(crate) fn prepare_first_step(motion: &mut Motion, floor: f32, progress: &Progress) -> Result<usize> {
+pub(crate) fn prepare_first_step(
+    motion: &mut Motion,
+    floor: f32,
+    continues: bool,
+    progress: &Progress,
+) -> Result<usize> {
     let poses: Vec<Pose> = motion.postures.iter().take(LEFT.1).map(Posture::pose).collect();
     let Some((leaves, towards)) = first_step(&poses) else { return Ok(0) };
     let root = |pose: &Pose| pose.position(Joint::Hips);
@@ -85,7 +91,7 @@ pub(crate) fn prepare_first_step(motion: &mut Motion, floor: f32, progress: &Pro
     let degrees = DegreesOfFreedom::for_joints(&[], &[]);
     let span = Span {
         postures: &motion.postures[..end],
-        joins: [false, end < motion.len()],
+        joins: [continues, end < motion.len()],
         degrees: &degrees,
         terms: &terms,
         found: None,
@@ -147,7 +153,7 @@ mod tests {
         for at in [1, 30] {
             let before = steps_off(at);
             let mut after = before.clone();
-            let added = prepare_first_step(&mut after, 0.0, &Progress::new()).expect("not cancelled");
+            let added = prepare_first_step(&mut after, 0.0, false, &Progress::new()).expect("not cancelled");
             let poses: Vec<Pose> = before.postures.iter().map(Posture::pose).collect();
             let (leaves, towards) = first_step(&poses).expect("a step");
             assert_eq!(added, SHIFT_FRAMES.saturating_sub(leaves));
@@ -185,7 +191,10 @@ mod tests {
         }
         for motion in [seated, still(60), walk, shifted] {
             let mut after = motion.clone();
-            assert_eq!(prepare_first_step(&mut after, 0.0, &Progress::new()).expect("not cancelled"), 0);
+            assert_eq!(
+                prepare_first_step(&mut after, 0.0, false, &Progress::new()).expect("not cancelled"),
+                0
+            );
             assert!(after == motion);
         }
     }

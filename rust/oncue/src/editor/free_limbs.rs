@@ -55,6 +55,8 @@ pub(crate) struct Room<'a> {
     pub around: Option<&'a Surroundings<'a>>,
     /// World height of the floor, metres.
     pub floor: f32,
+    /// Whether the motion goes on from another, whose end is to stay as it is.
+    pub continues: bool,
 }
 
 /// Takes legs, trunk and head of a motion out of the scene, and legs out of each other. From frame `rests` on the pelvis stays
@@ -117,7 +119,7 @@ fn free(
         let found = Touches { first, ..touches };
         let span = Span {
             postures,
-            joins: [first > 0, end < motion.len()],
+            joins: [first > 0 || touches.room.continues, end < motion.len()],
             degrees,
             terms: &terms,
             found: Some(&found),
@@ -313,7 +315,7 @@ mod tests {
     use glam::Quat;
     use std::f32::consts::FRAC_PI_2;
 
-    const NOWHERE: Room = Room { around: None, floor: 0.0 };
+    const NOWHERE: Room = Room { around: None, floor: 0.0, continues: false };
 
     fn deepest_in(motion: &Motion, around: &Surroundings) -> f32 {
         body_figures(motion, 0.0, Some(around)).scene.expect("a scene").deepest_cm
@@ -339,7 +341,7 @@ mod tests {
         let scene = room(boxes);
         let around = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::taken(0, 0.45) };
         let mut after = before.clone();
-        let room = Room { around: Some(&around), floor: 0.0 };
+        let room = Room { around: Some(&around), floor: 0.0, continues: false };
         free_body(&mut after, room, 0, &Progress::new()).expect("not cancelled");
         let joints = [Joint::Hips, Joint::LeftFoot, Joint::RightFoot, Joint::LeftToe, Joint::RightToe];
         let moved = before.postures.iter().zip(&after.postures).flat_map(|(a, b)| {
@@ -469,7 +471,7 @@ mod tests {
         let around = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::default() };
         let deepest = |motion: &Motion| deepest_in(motion, &around);
         assert!(deepest(&motion) > 6.0, "{}", deepest(&motion));
-        let room = Room { around: Some(&around), floor: 0.0 };
+        let room = Room { around: Some(&around), floor: 0.0, continues: false };
         free_arms(&mut motion, room, &[], &Progress::new()).expect("not cancelled");
         assert!(deepest(&motion) < 0.6, "{}", deepest(&motion));
         let elbow = motion.postures[45].pose().position(Joint::RightForeArm);

@@ -76,7 +76,7 @@ pub fn edit_for_task(
             Err(error) => out.problems.push(error.to_string()),
         }
     }
-    let room = Room { around: Some(around), floor };
+    let room = Room { around: Some(around), floor, continues: task.start.body.is_some() };
     let rests = rests_from(motion, out.complete_frame, around.seats.taken.is_some());
     free_body(motion, room, rests, progress)?;
     if !task.manipulations.is_empty() {

@@ -1,0 +1,232 @@
+//! One person's performance: cues that are met one after the other, each motion going on from where the one before has ended.
+//!
+//! The seams lie where the person rests, on a seat or standing, so that what follows depends on nothing but the posture, and the
+//! velocity, in which that rest ends: what lies before a cue that is moved stays as it was, to the bit.
+
+use serde::{Deserialize, Serialize};
+
+use crate::controller::{EpisodeEnd, StoredPolicy};
+use crate::cue::{ActionCue, BodyState, InitialState, Performance, Step, Task};
+use crate::error::{Error, Result};
+use crate::library::database::MotionDatabase;
+use crate::manifold::Manifold;
+use crate::math::Planar;
+use crate::motion::{Motion, Posture};
+use crate::progress::Progress;
+use crate::report::Report;
+use crate::scene::{SceneIndex, check_task};
+use crate::settings::Settings;
+use crate::synthesize::{Synthesis, synthesize_along};
+
+/// Rises when a field of [`PerformanceReport`] changes its meaning.
+pub const PERFORMANCE_REPORT_VERSION: u32 = 1;
+
+/// Who sits down and goes on stays at least so long, seconds: nobody gets up before having sat.
+const SHORTEST_SIT: f32 = 0.8;
+/// Seeds of neighbouring steps are so far apart.
+const STEP_SEED: u64 = 1 << 40;
+
+/// A performance as it was made.
+#[derive(Debug, Clone)]
+pub struct Performed {
+    /// All of it, one motion.
+    pub motion: Motion,
+    /// What it is worth, and what went wrong.
+    pub report: PerformanceReport,
+    /// The motion of each step; each begins with the last frame of the one before.
+    pub steps: Vec<PerformedStep>,
+}
+
+/// One step as it was made.
+#[derive(Debug, Clone)]
+pub struct PerformedStep {
+    /// All that it follows from, as a fingerprint.
+    key: blake3::Hash,
+    /// Its own motion, report and policy.
+    pub made: Synthesis,
+}
+
+/// The report of a performance.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PerformanceReport {
+    /// Rises when a field changes its meaning.
+    pub performance_report_version: u32,
+    /// Every step was played, and each is a success.
+    pub success: bool,
+    /// In words what went wrong, step by step; empty when nothing did.
+    pub problems: Vec<String>,
+    /// Frames of the whole motion.
+    pub frames: usize,
+    /// What was played, in order; fewer than were asked for where one could not be.
+    pub steps: Vec<StepReport>,
+}
+
+/// The report of one step.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StepReport {
+    /// The frame of the whole motion that is its frame 0.
+    pub first_frame: usize,
+    /// Its own report, in frames of its own.
+    pub report: Report,
+}
+
+/// Plays a performance. `earlier` is one that was made before: steps that follow from the same as then are taken from it.
+///
+/// A step that cannot be played ends the performance: what lies before is kept, and its `problems` say why.
+///
+/// # Errors
+/// As [`crate::synthesize()`], for a cue that can be seen not to be met before anything is played, and for the first step; `Cancelled`.
+#[allow(clippy::too_many_arguments)] // All that a motion follows from, and nothing that groups it.
+pub fn perform(
+    manifold: Option<&Manifold>,
+    scene: &SceneIndex,
+    database: &MotionDatabase,
+    performance: &Performance,
+    earlier: Option<&Performed>,
+    stored: Option<&StoredPolicy>,
+    settings: &Settings,
+    seed: u64,
+    progress: &Progress,
+) -> Result<Performed> {
+    settings.validate()?;
+    progress.stage("Checking the cues");
+    check_performance(scene, performance)?;
+    let mut steps: Vec<PerformedStep> = Vec::new();
+    let mut stopped = None;
+    let mut start = performance.start.clone();
+    let mut before = first_key(scene, database, performance, settings, seed);
+    for (at, step) in performance.steps.iter().enumerate() {
+        let hold_seconds = hold_seconds(step, at + 1 == performance.steps.len(), settings);
+        let key = next_key(before, step, hold_seconds);
+        before = key;
+        let known = earlier.and_then(|e| e.steps.get(at)).filter(|known| known.key == key);
+        let made = match known {
+            Some(known) => known.made.clone(),
+            None => {
+                let mut settings = settings.clone();
+                settings.synthesizer.hold_seconds = hold_seconds;
+                let task = Task { start, cue: step.cue.clone(), manipulations: step.manipulations.clone() };
+                let seed = seed.wrapping_add(STEP_SEED.wrapping_mul(at as u64));
+                let made = synthesize_along(
+                    manifold, scene, None, database, &task, stored, &settings, seed, progress,
+                );
+                match made {
+                    Err(Error::Cancelled) => return Err(Error::Cancelled),
+                    Err(error) if at == 0 => return Err(error),
+                    Err(error) => {
+                        stopped = Some(error.to_string());
+                        break;
+                    }
+                    Ok(made) => made,
+                }
+            }
+        };
+        if at > 0 && made.end != EpisodeEnd::Complete {
+            stopped = Some(made.report.problems.join(" "));
+            break;
+        }
+        start = end_of(&made.motion, &step.cue, performance.start.position.z);
+        let ended = made.end == EpisodeEnd::Complete;
+        steps.push(PerformedStep { key, made });
+        if !ended {
+            break;
+        }
+    }
+    Ok(joined(performance, steps, stopped))
+}
+
+/// What can be known of a performance before anything is played: whether each cue can be met from where the one before is met.
+///
+/// # Errors
+/// `Input` or `Unreachable`, naming the cue.
+pub fn check_performance(scene: &SceneIndex, performance: &Performance) -> Result<()> {
+    if performance.steps.is_empty() {
+        return Err(Error::input(format!(
+            "Start ‘{}’ has no cue to go to; add a stop or a sit.",
+            performance.start.name
+        )));
+    }
+    let floor = performance.start.position.z;
+    let mut start = performance.start.clone();
+    for step in &performance.steps {
+        if let Some(seconds) = step.hold_seconds.filter(|s| !(0.0..=600.0).contains(s)) {
+            return Err(Error::input(format!(
+                "The person is to stay {seconds} seconds at cue ‘{}’; give 0 to 600.",
+                step.cue.name
+            )));
+        }
+        let task = Task { start, cue: step.cue.clone(), manipulations: Vec::new() };
+        check_task(scene, &task)?;
+        // As whoever has met it: which posture it is plays no part here.
+        let mut posture = Posture::default().moved(Planar::default(), step.cue.planar());
+        posture.root_position.z += floor;
+        start = continuing(&step.cue, [posture; 2], [1.0; 2], floor);
+    }
+    Ok(())
+}
+
+/// How long the person stays where a step ends.
+fn hold_seconds(step: &Step, is_last: bool, settings: &Settings) -> f32 {
+    let least = if step.cue.is_seated() && !is_last { SHORTEST_SIT } else { 0.0 };
+    let usual = if is_last { settings.synthesizer.hold_seconds } else { 0.0 };
+    step.hold_seconds.unwrap_or(usual).max(least)
+}
+
+fn continuing(cue: &ActionCue, postures: [Posture; 2], contact: [f32; 2], floor: f32) -> InitialState {
+    let seat = cue.is_seated().then(|| cue.clone());
+    InitialState::continuing(cue.name.clone(), BodyState { postures, contact, seat }, floor)
+}
+
+/// Who has met `cue` with `motion`.
+fn end_of(motion: &Motion, cue: &ActionCue, floor: f32) -> InitialState {
+    let last = motion.len() - 1;
+    let postures = [motion.postures[last.saturating_sub(1)], motion.postures[last]];
+    continuing(cue, postures, motion.contacts[last], floor)
+}
+
+fn first_key(
+    scene: &SceneIndex,
+    database: &MotionDatabase,
+    performance: &Performance,
+    settings: &Settings,
+    seed: u64,
+) -> blake3::Hash {
+    let all = (scene.fingerprint(), &database.library_checksum, &performance.start, settings, seed);
+    // Numbers, names and lists always serialize.
+    blake3::hash(&serde_json::to_vec(&all).unwrap_or_default())
+}
+
+fn next_key(before: blake3::Hash, step: &Step, hold_seconds: f32) -> blake3::Hash {
+    let step = serde_json::to_vec(&(step, hold_seconds)).unwrap_or_default();
+    blake3::hash(&[before.as_bytes(), step.as_slice()].concat())
+}
+
+/// The motions of all steps as one, and what is told of them.
+fn joined(performance: &Performance, steps: Vec<PerformedStep>, stopped: Option<String>) -> Performed {
+    let mut motion = Motion::default();
+    let mut reports = Vec::new();
+    let mut problems = Vec::new();
+    for PerformedStep { made, .. } in &steps {
+        let first_frame = motion.len().saturating_sub(1);
+        // Its first frame is the last of the one before.
+        let own = usize::from(!motion.is_empty());
+        motion.postures.extend(&made.motion.postures[own..]);
+        motion.contacts.extend(&made.motion.contacts[own..]);
+        problems.extend(made.report.problems.iter().cloned());
+        reports.push(StepReport { first_frame, report: made.report.clone() });
+    }
+    if let Some(reason) = stopped {
+        let unplayed = &performance.steps[steps.len()..];
+        let names: Vec<String> = unplayed.iter().map(|step| format!("‘{}’", step.cue.name)).collect();
+        problems.push(reason);
+        problems.push(format!("The performance ends before {}.", names.join(", ")));
+    }
+    let report = PerformanceReport {
+        performance_report_version: PERFORMANCE_REPORT_VERSION,
+        success: problems.is_empty(),
+        problems,
+        frames: motion.len(),
+        steps: reports,
+    };
+    Performed { motion, report, steps }
+}

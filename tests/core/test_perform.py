@@ -1,0 +1,68 @@
+"""Performances from Python: what they take, what they give, and what is kept of an earlier one."""
+
+import copy
+
+import numpy as np
+import oncue_core
+import pytest
+from oncue_core import InputError, Library, PerformanceReport
+
+from .geometry import sit_on_the_bench
+from .test_types import faults
+
+
+def up_and_away() -> dict:
+    """Sits down on the bench for a second, gets up and stops in the room."""
+    task = sit_on_the_bench()
+    stop = {"name": "Away", "action_type": "stop", "position": [-0.8, -1.2, 0.0], "yaw": 0.0}
+    return {"start": task["start"], "steps": [{"cue": task["cue"], "hold_seconds": 1.0}, {"cue": stop}]}
+
+
+@pytest.fixture(scope="module")
+def library() -> Library:
+    return Library.starter()
+
+
+@pytest.fixture(scope="module")
+def performed(bench_scene, library):
+    return oncue_core.perform(bench_scene, library, up_and_away(), seed=2).result()
+
+
+def test_one_motion_meets_every_cue(performed):
+    report = performed.report
+    assert report["success"], report["problems"]
+    assert not list(faults(report, PerformanceReport))
+    frames = report["frames"]
+    assert performed.root_positions.shape == (frames, 3) and performed.rotations.shape == (frames, 22, 4)
+    assert performed.contacts.shape == (frames, 2) and performed.frame_rate == 30
+    sit, stop = report["steps"]
+    seated = performed.root_positions[sit["first_frame"] + sit["report"]["cues"][0]["frame"]]
+    assert np.linalg.norm(seated - up_and_away()["steps"][0]["cue"]["position"]) < 0.01
+    assert stop["report"]["stood_at"] > 20 and "stood_at" not in sit["report"]
+    assert np.linalg.norm(performed.root_positions[-1, :2] - [-0.8, -1.2]) < 0.1
+    # Nobody jumps from one step to the next.
+    steps = np.linalg.norm(np.diff(performed.root_positions, axis=0), axis=1)
+    assert steps.max() < 0.08 and steps[stop["first_frame"]] < 0.01
+
+
+def test_what_was_made_before_is_taken_from_an_earlier_one(bench_scene, library, performed):
+    moved = copy.deepcopy(up_and_away())
+    moved["steps"][1]["cue"]["position"][0] = -0.5
+    again = oncue_core.perform(bench_scene, library, moved, seed=2, earlier=performed).result()
+    seam = again.report["steps"][1]["first_frame"]
+    assert seam == performed.report["steps"][1]["first_frame"]
+    assert np.array_equal(again.rotations[: seam + 1], performed.rotations[: seam + 1])
+    assert np.linalg.norm(again.root_positions[-1, :2] - [-0.5, -1.2]) < 0.1
+    # Of another seed nothing is the same.
+    other = oncue_core.perform(bench_scene, library, up_and_away(), seed=3, earlier=performed).result()
+    assert not np.array_equal(other.rotations[:30], performed.rotations[:30])
+
+
+def test_what_makes_no_performance_is_told(bench_scene, library):
+    with pytest.raises(InputError, match="steps"):
+        oncue_core.perform(bench_scene, library, {"start": up_and_away()["start"]})
+    nowhere = {**up_and_away(), "steps": []}
+    with pytest.raises(InputError, match="no cue to go to"):
+        oncue_core.perform(bench_scene, library, nowhere).result()
+    with pytest.raises(InputError, match="unknown field"):
+        oncue_core.perform(bench_scene, library, {**up_and_away(), "cue": {}})
