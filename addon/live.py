@@ -18,6 +18,7 @@ import numpy as np
 from . import native
 from .native import core
 from .pipeline import (
+    Asked,
     Captures,
     LibraryCache,
     Outcome,
@@ -30,6 +31,7 @@ from .pipeline import (
     library_steps,
     merged,
     read_manifold,
+    task_of,
 )
 from .policy_cache import PolicyCache
 from .scene_frames import in_scene_frames, told_in_scene_frames
@@ -92,7 +94,7 @@ def play_steps(world: World, request: Request, overrides: core.Settings) -> Step
     settings = merged(merged(core.default_settings(request.preset), request.overrides), overrides)
     with told_in_scene_frames(request.start_frame, request.scene_rate):
         job = core.synthesize(
-            world.scene, world.library, request.task, settings, request.seed, world.kept, world.manifold
+            world.scene, world.library, task_of(request.task), settings, request.seed, world.kept, world.manifold
         )
         synthesis = yield from finish(job)
     return Outcome(synthesis, {"synthesis": time.perf_counter() - began}, world.captures)
@@ -263,6 +265,6 @@ class Follower:
         self._run = None
 
 
-def _asked(request: Request) -> tuple[core.Task, str, int, core.Settings]:
+def _asked(request: Request) -> tuple[Asked, str, int, core.Settings]:
     """All of a request but the scene and the library."""
     return request.task, request.preset, request.seed, request.overrides

@@ -12,10 +12,10 @@ from mathutils import Matrix, Vector
 
 from .bridge import user_preferences
 from .bridge.cue_objects import KINDS
-from .bridge.cue_reader import FEET, HANDS, visible_cues
 from .bridge.names import CUE_KEY
 from .bridge.pins import read_pins
 from .bridge.session import current_action
+from .bridge.shown_cues import FEET, HANDS, visible_cues
 
 Lines = list[tuple[Vector, Vector]]
 LINE_WIDTH = 2.0

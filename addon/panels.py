@@ -11,9 +11,9 @@ import bpy
 from . import native
 from .bridge import session
 from .bridge.cue_objects import KINDS
-from .bridge.cue_reader import ENDS, HANDS, visible_cues
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
+from .bridge.shown_cues import ENDS, FEET, HANDS, end_cues, visible_cues
 from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .foreign_captures import SUFFIXES as FOREIGN
 from .job_operator import handle
@@ -46,6 +46,12 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
         row.operator("oncue.place_cue", text="Sit", icon="EMPTY_SINGLE_ARROW").kind = "sit"
         row.operator("oncue.place_cue", text="Stop", icon="SNAP_FACE").kind = "stop"
         layout.operator("oncue.sit_on_selection", icon="FACESEL")
+        ends = end_cues(context)
+        if ends:
+            row = layout.row(align=True)
+            for kind, text in (("sit", "Then Sit"), ("stop", "Then Stop")):
+                button = row.operator("oncue.place_cue", text=text, icon=CUE_ICONS[kind])
+                button.kind, button.then = kind, True
         header, limbs = layout.panel("oncue_limbs", default_closed=True)
         header.label(text="Feet and Hands")
         if limbs:
@@ -53,9 +59,17 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
         column = layout.column(align=True)
         order = list(KINDS)
         cues = sorted(visible_cues(context, *KINDS), key=lambda cue: order.index(cue[CUE_KEY]))
+        if len(ends) > 1:
+            # In the order in which they are played.
+            starts, others = visible_cues(context, "start"), visible_cues(context, *FEET, *HANDS)
+            cues = [*starts, *ends, *others]
+            frames = session.frames_of_cues(context)
         for cue in cues:
             row = column.row(align=True)
-            row.label(text=cue.name, icon=CUE_ICONS.get(cue[CUE_KEY], "DOT"))
+            if cue in ends and len(ends) > 1:
+                _draw_step(row, cue, ends, frames.get(cue.name))
+            else:
+                row.label(text=cue.name, icon=CUE_ICONS.get(cue[CUE_KEY], "DOT"))
             if cue[CUE_KEY] in HANDS:
                 for key in (FIRST_FRAME_KEY, LAST_FRAME_KEY):
                     row.prop(cue, f'["{key}"]', text="")
@@ -66,6 +80,18 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
             column.label(text="No Start cue yet", icon="INFO")
         if not kinds & set(ENDS):
             column.label(text="No Sit or Stop cue yet", icon="INFO")
+
+
+def _draw_step(row: bpy.types.UILayout, cue: bpy.types.Object, ends: list, frame: int | None) -> None:
+    """One of several sit and stop cues: its place in the order, when it is met, and what moves it."""
+    number = ends.index(cue) + 1
+    text = f"{number}  {cue.name}"
+    row.operator("oncue.select_cue", text=text, icon=CUE_ICONS[cue[CUE_KEY]], translate=False).cue = cue.name
+    if frame is not None:
+        row.operator("oncue.go_to_frame", text=str(frame), icon="TIME", translate=False).frame = frame
+    for icon, by in (("TRIA_UP", -1), ("TRIA_DOWN", 1)):
+        button = row.operator("oncue.move_step", text="", icon=icon)
+        button.cue, button.by = cue.name, by
 
 
 class ONCUE_PT_library(OncuePanel, bpy.types.Panel):

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Generic, Protocol, TypeAlias, TypeVar
+from typing import Generic, Protocol, TypeAlias, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +68,31 @@ class LibraryChoice:
         return {"paths": list(self.paths), "starter": self.starter, "mapping": self.mapping}
 
 
+#: What is asked for: one cue, or several that are met one after the other.
+Asked: TypeAlias = "core.Task | core.Performance"
+
+
+def performance_of(asked: Asked) -> core.Performance | None:
+    """What is asked for where it is several cues."""
+    return cast("core.Performance", asked) if "steps" in asked else None
+
+
+def task_of(asked: Asked) -> core.Task:
+    """What is asked for where it is one cue."""
+    return cast("core.Task", asked)
+
+
+def cues_of(asked: Asked) -> list[core.ActionCue]:
+    """The cues that are asked for, in order."""
+    several = performance_of(asked)
+    return [step["cue"] for step in several["steps"]] if several else [task_of(asked)["cue"]]
+
+
+def hands_of(asked: Asked) -> list[core.ManipulationCue]:
+    """The hands' cues that are asked for; among several cues there are none."""
+    return [] if performance_of(asked) else task_of(asked).get("manipulations", [])
+
+
 @dataclass(frozen=True)
 class Request:
     """All that a run needs, read from the file before it starts."""
@@ -75,7 +100,7 @@ class Request:
     #: Scene triangles, world, metres: float32 (n, 3) and uint32 (m, 3).
     positions: NDArray[np.float32]
     triangles: NDArray[np.uint32]
-    task: core.Task
+    task: Asked
     library: LibraryChoice = LibraryChoice()
     preset: str = "default"
     seed: int = 0
@@ -118,10 +143,9 @@ class EditRequest:
     owners: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, np.uint32))
     names: tuple[str, ...] = ()
     #: What the motion was made for; None where nobody knows any more.
-    task: core.Task | None = None
-    #: Frames of the motion: at which the cue is to be met, and from which on the person sits down.
-    complete: int = 0
-    action_from: int | None = None
+    task: Asked | None = None
+    #: When what happens, for each cue that was played: frames of the motion.
+    moments: list[core.Moments] = field(default_factory=list)
     #: What the motion was made of, and its checksum; None where nobody knows any more.
     library: LibraryChoice | None = None
     library_checksum: str = ""
@@ -131,7 +155,7 @@ class EditRequest:
 class Outcome:
     """What a run gives: the core's synthesis, and what the artist should know about its input."""
 
-    synthesis: core.Synthesis
+    synthesis: core.Synthesis | core.Performed
     #: Seconds of each step.
     seconds: dict[str, float]
     captures: Captures = field(default_factory=list)
@@ -179,15 +203,25 @@ class LibraryCache:
         return self._built[1] if self._key and self._built and self._key[0] == choice else None
 
 
-def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache | None = None) -> Steps[Outcome]:
+class Earlier:
+    """The performance that was made last, of which the next one takes what follows from the same."""
+
+    def __init__(self) -> None:
+        self.performed: core.Performed | None = None
+
+
+def synthesis_steps(
+    request: Request, cache: LibraryCache, policies: PolicyCache | None = None, earlier: Earlier | None = None
+) -> Steps[Outcome]:
     """The whole run. A policy that was optimized is kept in `policies`, and played where the prior fails."""
+    earlier = earlier or Earlier()
     seconds: dict[str, float] = {}
     _log_request(request)
     manifold = read_manifold(request.manifold)
     settings = merged(core.default_settings(request.preset), request.overrides)
     with _timed(seconds, "library"):
         library, captures = yield from library_steps(request.library, cache)
-    made: list[tuple[core.Synthesis, core.Passing]] = []
+    made: list[tuple[core.Synthesis | core.Performed, core.Passing]] = []
     refused: Exception | None = None
     stays = None
     if request.moving and len(request.triangles):
@@ -201,14 +235,21 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
         try:
             with _timed(seconds, "synthesis"), told_in_scene_frames(request.start_frame, request.scene_rate):
                 kept = policies.find(scene, library) if policies else None
-                job = core.synthesize(scene, library, request.task, settings, request.seed, kept, manifold, stays)
-                synthesis = yield from finish(job)
+                asked = (settings, request.seed, kept, manifold)
+                synthesis: core.Synthesis | core.Performed
+                if several := performance_of(request.task):
+                    perform = core.perform(scene, library, several, *asked, earlier.performed)
+                    synthesis = earlier.performed = yield from finish(perform)
+                else:
+                    job = core.synthesize(scene, library, task_of(request.task), *asked, stays)
+                    synthesis = yield from finish(job)
         except SceneError as error:
             # As things stand otherwise there may be a way.
             refused = refused or error
             continue
         # Of use for the next task wherever the cue is met, whatever else there is to say of the motion.
-        if policies and synthesis.report["updates"] and all_met(synthesis.report):
+        optimized = synthesis.report["updates"] and all_met(synthesis.report)
+        if policies and optimized and isinstance(synthesis, core.Synthesis):
             policies.keep(scene, library, synthesis.policy)
         with _timed(seconds, "moving"):
             made.append((synthesis, (yield from _passing_steps(request, synthesis))))
@@ -219,15 +260,15 @@ def synthesis_steps(request: Request, cache: LibraryCache, policies: PolicyCache
     synthesis, passing = min(made, key=_shortfall)
     penetration = None
     if stays is not None:
-        report = synthesis.report
-        complete = report["cues"][0]["frame"] if report["cues"] else 0
-        seen = (request.task, complete, report["action_from"], stays, settings)
+        seen = (request.task, moments_of(synthesis.report), stays, settings)
         with _timed(seconds, "moving"):
             looks = _looks(synthesis, request.moving, passing["wait"], *seen)
             penetration = (yield from looks)["penetration"]
     return Outcome(synthesis, seconds, captures, passing, penetration)
 
 
+#: A motion as the core gives it.
+Made: TypeAlias = "core.Synthesis | core.Performed | core.EditedMotion"
 #: A person waits no longer for a way to be free, the core's frames: 20 s.
 MOST_WAIT = 600
 
@@ -241,33 +282,47 @@ def _scenes(request: Request) -> Iterator[Mesh]:
         yield from (joined([still, mesh]) for mesh in stands(request.moving))
 
 
-def _passing_steps(request: Request, synthesis: core.Synthesis) -> Steps[core.Passing]:
+def moments_of(report: core.Report) -> list[core.Moments]:
+    """When what happens in a motion, for each cue that was played."""
+    if steps := report.get("steps"):
+        return [{name: step.get(name) for name in ("stood_at", "action_from", "complete")} for step in steps]  # type: ignore[misc]
+    complete = report["cues"][0]["frame"] if report["cues"] else 0
+    return [{"complete": complete, "action_from": report["action_from"]}]
+
+
+def _passing_steps(request: Request, synthesis: core.Synthesis | core.Performed) -> Steps[core.Passing]:
     """How a motion gets past what moves. A hand that holds something on its way keeps its frames: then nobody waits."""
-    hands = bool(request.task.get("manipulations"))
+    hands = bool(hands_of(request.task))
     floor = request.task["start"]["position"][2]
     return (yield from _past(request.moving, synthesis, floor, hands, 0 if hands else MOST_WAIT))
 
 
 def _looks(
-    made: core.Synthesis | core.EditedMotion,
+    made: Made,
     moving: tuple[Thing, ...],
     wait: int,
-    task: core.Task,
-    complete: int,
-    action_from: int | None,
+    task: Asked,
+    moments: list[core.Moments],
     stays: core.SceneIndex | None,
     settings: core.Settings,
     library: core.Library | None = None,
 ) -> Steps[core.Measured]:
     """What can be seen of a motion among what stays and what moves."""
     objects = [one for thing in moving for one in thing.for_core()]
-    job = core.measure_motion(*_arrays(made), task, complete, action_from, stays, settings, objects, wait, library)
+    places, turns, contacts = _arrays(made)
+    if several := performance_of(task):
+        job = core.measure_performance(
+            places, turns, contacts, several, moments, stays, settings, objects, wait, library
+        )
+    else:
+        complete, begins = (moments[0]["complete"], moments[0].get("action_from")) if moments else (0, None)
+        job = core.measure_motion(
+            places, turns, contacts, task_of(task), complete, begins, stays, settings, objects, wait, library
+        )
     return (yield from finish(job))
 
 
-def _past(
-    moving: tuple[Thing, ...], made: core.Synthesis | core.EditedMotion, floor: float, hands: bool, most_wait: int
-) -> Steps[core.Passing]:
+def _past(moving: tuple[Thing, ...], made: Made, floor: float, hands: bool, most_wait: int) -> Steps[core.Passing]:
     """How a motion gets past what moves; with `hands` the arms may touch it."""
     if not moving:
         return nothing_met()
@@ -276,12 +331,12 @@ def _past(
 
 
 def _arrays(
-    made: core.Synthesis | core.EditedMotion,
+    made: Made,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     return np.asarray(made.root_positions), np.asarray(made.rotations), np.asarray(made.contacts)
 
 
-def _shortfall(made: tuple[core.Synthesis, core.Passing]) -> tuple[bool, int]:
+def _shortfall(made: tuple[core.Synthesis | core.Performed, core.Passing]) -> tuple[bool, int]:
     """What a motion lacks: its cue first, then the frames in which it runs into something."""
     synthesis, passing = made
     return not all_met(synthesis.report), sum(meeting["frames"] for meeting in passing["meetings"])
@@ -304,11 +359,11 @@ def all_met(report: core.Report) -> bool:
 
 
 def _log_request(request: Request) -> None:
-    task, library = request.task, request.library
+    asked, library = request.task, request.library
     logger.info("%d triangles, preset %s, seed %d", len(request.triangles), request.preset, request.seed)
     logger.info("Library %s, starter %s; manifold %s", library.paths, library.starter, request.manifold or "that ships")
-    hands = [cue["name"] for cue in task.get("manipulations", [])]
-    logger.info("Start %s, cue %s, hands %s, overrides %s", task["start"], task["cue"], hands, request.overrides)
+    hands = [cue["name"] for cue in hands_of(asked)]
+    logger.info("Start %s, cues %s, hands %s, overrides %s", asked["start"], cues_of(asked), hands, request.overrides)
 
 
 def edit_steps(request: EditRequest, cache: LibraryCache) -> Steps[EditOutcome]:
@@ -339,9 +394,9 @@ def edit_steps(request: EditRequest, cache: LibraryCache) -> Steps[EditOutcome]:
     measured = None
     if request.task is not None:
         library = yield from _library_of(request, cache)
-        seen = (request.task, request.complete, request.action_from, stays, settings, library)
+        seen = (request.task, request.moments, stays, settings, library)
         measured = yield from _looks(edited, request.moving, 0, *seen)
-    hands = bool(request.task and request.task.get("manipulations"))
+    hands = bool(request.task and hands_of(request.task))
     return EditOutcome(edited, measured, (yield from _past(request.moving, edited, request.floor, hands, 0)))
 
 

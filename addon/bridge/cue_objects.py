@@ -20,9 +20,11 @@ from .names import (
     GIVEN_YAW_KEY,
     HOLD_KEY,
     LAST_FRAME_KEY,
+    STEP_KEY,
     oncue_collection,
 )
 from .scene_time import may_move
+from .shown_cues import end_cues, visible_cues
 from .what_counts import is_shown, things_of
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
@@ -86,13 +88,22 @@ def forward_of(matrix: Matrix) -> Vector:
     return (matrix.to_3x3() @ Vector((0.0, -1.0, 0.0))).normalized()
 
 
-def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metres_per_unit: float) -> bpy.types.Object:
-    """Moves the visible cue of this kind there (a sit and a stop take each other's place), or makes one; selects it."""
-    group = ("start",) if kind == "start" else ("sit", "stop")
+def place_cue(
+    context: bpy.types.Context, kind: str, position, yaw: float, metres_per_unit: float, *, then: bool = False
+) -> bpy.types.Object:
+    """Moves the visible cue of this kind there, or makes one; selects it.
+
+    A sit and a stop take each other's place; of several the active one moves, else the last. With `then` another one is
+    made, which is played after those that are there.
+    """
     label, shape, size, color = KINDS[kind]
-    there = [o for o in things_of(context.view_layer) if o.get(CUE_KEY) in group and is_shown(o, context.view_layer)]
-    if there:
-        cue = there[0]
+    there = visible_cues(context, "start") if kind == "start" else end_cues(context)
+    if then and kind != "start":
+        number_steps(there)
+        cue = make_cue(context, kind, position, yaw, metres_per_unit=metres_per_unit)
+        cue[STEP_KEY] = len(there) + 1
+    elif there:
+        cue = active_of(context, there)
         if not cue.is_editable:
             raise SceneError(f"{cue.name} is linked and cannot be moved: hide it, and press again.")
         if cue[CUE_KEY] != kind:
@@ -117,18 +128,34 @@ def place_cue(context: bpy.types.Context, kind: str, position, yaw: float, metre
     return cue
 
 
+def active_of(context: bpy.types.Context, cues: list[bpy.types.Object]) -> bpy.types.Object:
+    """The one of these that the artist works on, else the last."""
+    return context.active_object if context.active_object in cues else cues[-1]
+
+
+def number_steps(ends: list[bpy.types.Object]) -> None:
+    """Has these sit and stop cues played in this order. Raises SceneError where one is linked."""
+    for number, cue in enumerate(ends, 1):
+        if cue.get(STEP_KEY) == number:
+            continue
+        if not cue.is_editable:
+            raise SceneError(f"{cue.name} is linked and cannot get a number: hide it, and press again.")
+        cue[STEP_KEY] = number
+
+
 def move_end_cue(context: bpy.types.Context, position, yaw: float, metres_per_unit: float) -> bpy.types.Object:
-    """Moves the visible sit or stop cue and its feet. Raises SceneError where there is none, or keys hold it."""
-    ends = [
-        o
-        for o in things_of(context.view_layer)
-        if o.get(CUE_KEY) in ("sit", "stop") and is_shown(o, context.view_layer)
-    ]
+    """Moves a visible sit or stop cue and its feet, of several that which is nearest.
+
+    Raises SceneError where there is none, or keys hold it.
+    """
+    ends = end_cues(context)
     if not ends:
         raise SceneError("There is no Sit or Stop cue any more.")
-    if may_move(ends[0]):
-        raise SceneError(f"{ends[0].name} is animated, so that it would not stay there: move its keys instead.")
-    return place_cue(context, ends[0][CUE_KEY], position, yaw, metres_per_unit)
+    cue = min(ends, key=lambda end: (end.matrix_world.translation - Vector(position)).length)
+    if may_move(cue):
+        raise SceneError(f"{cue.name} is animated, so that it would not stay there: move its keys instead.")
+    _select(context, cue)
+    return place_cue(context, cue[CUE_KEY], position, yaw, metres_per_unit)
 
 
 def _turn_start(context: bpy.types.Context) -> None:
@@ -147,14 +174,10 @@ def _turn_start(context: bpy.types.Context) -> None:
 def place_foot(context: bpy.types.Context, side: str, metres_per_unit: float) -> bpy.types.Object:
     """A foot cue in front of the visible sit or stop cue, on the start's floor. Raises SceneError without a cue."""
     kind = f"{side}_foot"
-    ends = [
-        o
-        for o in things_of(context.view_layer)
-        if o.get(CUE_KEY) in ("sit", "stop") and is_shown(o, context.view_layer)
-    ]
+    ends = end_cues(context)
     if not ends:
         raise SceneError("Place a Sit or Stop cue first: the feet belong to it.")
-    cue, unit = ends[0], 1.0 / metres_per_unit
+    cue, unit = active_of(context, ends), 1.0 / metres_per_unit
     for child in cue.children:
         if child.get(CUE_KEY) == kind:
             _select(context, child)
@@ -225,16 +248,27 @@ def animated_range(thing: bpy.types.Object | None) -> tuple[int, int] | None:
     return None
 
 
-def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector) -> float:
-    """A first guess of a standing cue's yaw: a start looks towards the end cue, a stop away from the start."""
-    others = ("sit", "stop") if kind == "start" else ("start",)
-    for other in things_of(context.view_layer):
-        if other.get(CUE_KEY) in others and is_shown(other, context.view_layer):
-            way = other.matrix_world.translation - Vector(place)
-            if way.xy.length > 1e-3:
-                way = way if kind == "start" else -way
-                return yaw_from_heading(math.atan2(way.y, way.x))
+def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector, then: bool = False) -> float:
+    """A first guess of a standing cue's yaw: a start looks towards the first end cue, a stop away from where one comes.
+
+    That is the start, or with `then` the last of the end cues.
+    """
+    ends, starts = end_cues(context), visible_cues(context, "start")
+    others = ends[:1] if kind == "start" else ends[-1:] if then else starts[:1]
+    for other in others:
+        way = other.matrix_world.translation - Vector(place)
+        if way.xy.length > 1e-3:
+            way = way if kind == "start" else -way
+            return yaw_from_heading(math.atan2(way.y, way.x))
     return 0.0
+
+
+def select_cue(context: bpy.types.Context, name: str) -> None:
+    """Selects a cue by its name. Raises SceneError where it is not shown any more."""
+    cue = next((cue for cue in visible_cues(context, *KINDS) if cue.name == name), None)
+    if cue is None:
+        raise SceneError(f"There is no cue {name} any more.")
+    _select(context, cue)
 
 
 def _select(context: bpy.types.Context, cue: bpy.types.Object) -> None:

@@ -11,63 +11,64 @@ from ..errors import SceneError
 from .cue_objects import forward_of
 from .names import CUE_KEY, HOLD_KEY
 from .scene_time import current_frame_kept, may_move, moving
-from .what_counts import is_shown, things_of
+from .shown_cues import ENDS, FEET, end_cues, visible_cues
 
-ENDS = ("sit", "stop")
-FEET = ("left_foot", "right_foot")
-HANDS = ("left_hand", "right_hand", "both_hands")
 #: Longer nobody stays, seconds.
 LONGEST_HOLD = 600.0
 #: A facing steeper than this says nothing about a direction on the floor: sine of 80°.
 STEEPEST = math.sin(math.radians(80.0))
 
 
-def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Object]:
-    """The empties of these kinds that the viewport shows, by name. Hidden cues wait for another take."""
-    return sorted(
-        (o for o in things_of(context.view_layer) if o.get(CUE_KEY) in kinds and is_shown(o, context.view_layer)),
-        key=lambda o: o.name,
-    )
-
-
 def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_drawn: bool = False) -> dict:
-    """The task as the core takes it: metres, radians. Raises SceneError naming the cue that is missing or too many.
+    """The task as the core takes it, of several sit and stop cues the performance: metres, radians.
 
-    `as_drawn`: as the view shows it now, without evaluating anything.
+    Raises SceneError naming the cue that is missing or too many. `as_drawn`: as the view shows it now, without
+    evaluating anything.
     """
     start = _only_one(
         visible_cues(context, "start"),
         "There is no Start cue: place one where the character begins (Oncue tab, Start).",
         "There are {count} Start cues ({names}): hide or delete all but one.",
     )
-    cue = _only_one(
-        visible_cues(context, *ENDS),
-        "There is no Sit or Stop cue: place one where the character is to end (Oncue tab, Sit or Stop).",
-        "There are {count} Sit and Stop cues ({names}): a run fulfils one, so hide or delete the others.",
-    )
+    ends = end_cues(context)
+    if not ends:
+        raise SceneError(
+            "There is no Sit or Stop cue: place one where the character is to end (Oncue tab, Sit or Stop)."
+        )
     depsgraph = None if as_drawn else context.evaluated_depsgraph_get()
-    feet = [_foot(context, depsgraph, kind, cue, metres_per_unit) for kind in FEET]
-    return {
-        "start": {"name": start.name, **_placement(start, depsgraph, metres_per_unit)},
-        "cue": {
+    begins = {"name": start.name, **_placement(start, depsgraph, metres_per_unit)}
+    cues = [
+        {
             "name": cue.name,
             "action_type": cue[CUE_KEY],
             **_placement(cue, depsgraph, metres_per_unit),
-            "feet": feet,
-        },
-    }
+            "feet": [_foot(context, depsgraph, kind, cue, len(ends) == 1, metres_per_unit) for kind in FEET],
+        }
+        for cue in ends
+    ]
+    if len(ends) == 1:
+        return {"start": begins, "cue": cues[0]}
+    steps = [{"cue": cue, "hold_seconds": _hold_of(end)} for cue, end in zip(cues, ends, strict=True)]
+    return {"start": begins, "steps": steps}
 
 
 def hold_seconds(context: bpy.types.Context) -> float | None:
-    """How long the visible sit or stop cue asks the person to stay; none where it does not say. Raises SceneError."""
-    for cue in visible_cues(context, *ENDS):
-        seconds = cue.get(HOLD_KEY)
-        if seconds is None:
-            continue
-        if not isinstance(seconds, int | float) or not 0.0 <= seconds <= LONGEST_HOLD:
-            raise SceneError(f"{cue.name} asks the person to stay for {seconds} s: give 0 to {LONGEST_HOLD:.0f}.")
-        return float(seconds)
-    return None
+    """How long the visible sit or stop cue asks the person to stay; none where it does not say. Raises SceneError.
+
+    Of several each has its own, in the performance.
+    """
+    ends = end_cues(context)
+    return _hold_of(ends[0]) if len(ends) == 1 else None
+
+
+def _hold_of(cue: bpy.types.Object) -> float | None:
+    """How long a cue asks the person to stay; none where it does not say. Raises SceneError."""
+    seconds = cue.get(HOLD_KEY)
+    if seconds is None:
+        return None
+    if not isinstance(seconds, int | float) or not 0.0 <= seconds <= LONGEST_HOLD:
+        raise SceneError(f"{cue.name} asks the person to stay for {seconds} s: give 0 to {LONGEST_HOLD:.0f}.")
+    return float(seconds)
 
 
 def at_first_frame(
@@ -99,9 +100,11 @@ def _only_one(cues: list[bpy.types.Object], none: str, many: str) -> bpy.types.O
     return cues[0]
 
 
-def _foot(context, depsgraph, kind: str, cue: bpy.types.Object, metres_per_unit: float) -> list[float] | None:
-    """The foot cue that belongs to `cue`: its child, or one without a parent."""
-    feet = [foot for foot in visible_cues(context, kind) if foot.parent in (cue, None)]
+def _foot(
+    context, depsgraph, kind: str, cue: bpy.types.Object, alone: bool, metres_per_unit: float
+) -> list[float] | None:
+    """The foot cue that belongs to `cue`: its child, or, where it is `alone`, one without a parent."""
+    feet = [foot for foot in visible_cues(context, kind) if foot.parent == cue or (alone and foot.parent is None)]
     feet = [foot for foot in feet if foot.parent == cue] or feet
     if not feet:
         return None

@@ -17,9 +17,9 @@ import numpy as np
 
 from ..errors import SceneError
 from ..scene_frames import CORE_RATE
-from .cue_reader import HANDS, visible_cues
 from .names import CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
 from .scene_time import current_frame_kept, frame_rate, show
+from .shown_cues import HANDS, visible_cues
 
 #: Kind of the cue → the hand that follows it.
 HAND = {"left_hand": "left", "right_hand": "right", "both_hands": "both"}

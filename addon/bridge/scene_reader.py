@@ -14,9 +14,9 @@ import bpy
 import numpy as np
 
 from ..errors import ScaleError, SceneError
-from .cue_reader import ENDS, visible_cues
 from .edit_mode import copies_outside
 from .scene_time import may_deform, may_move, simulation_fault
+from .shown_cues import ENDS, visible_cues
 from .what_counts import Furniture
 
 #: A scene wider than this is hardly modelled in metres.

@@ -18,18 +18,19 @@ from .. import native
 from ..errors import SceneError
 from ..motion import Motion
 from ..moving import meeting_sentences
-from ..pipeline import EditOutcome, EditRequest, LibraryChoice, Outcome, Request
+from ..pipeline import EditOutcome, EditRequest, LibraryChoice, Outcome, Request, cues_of, hands_of, moments_of
 from ..scene_frames import CORE_RATE, in_scene_frames
 from . import armature, character_reset, compat, file_state, pins
 from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
-from .cue_reader import ENDS, FEET, HANDS, at_first_frame, hold_seconds, read_task, visible_cues
+from .cue_reader import at_first_frame, hold_seconds, read_task
 from .hand_reader import core_frames, read_manipulations
 from .moving_reader import read_moving, taken_as_it_stands
 from .names import CHARACTER_KEY, LIVE_KEY, REPORT_KEY
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
 from .second_blender import second_blender
+from .shown_cues import ENDS, FEET, HANDS, visible_cues
 from .take import Take, keep_solved, solved_take
 from .what_counts import things_of
 
@@ -80,6 +81,8 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     character = armature.character_of(context.scene, skeleton)
     file_state.check(context, character, skeleton)
     task, notes, manipulations, moving = read_task(context, settings.scene_scale), [], [], ()
+    if not hands:
+        _one_cue(task)
     library = library_choice(context.scene)
     meshes = read_scene(
         context,
@@ -99,6 +102,12 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         notes = [*notes, *said]
     else:
         notes = taken_as_it_stands(context, meshes)
+    if manipulations and "steps" in task:
+        names = ", ".join(hand["name"] for hand in manipulations)
+        raise SceneError(
+            f"Hands follow their cues ({names}) with one Sit or Stop cue only, and there are {len(task['steps'])}: "
+            "hide the hand cues, or all Sit and Stop cues but one."
+        )
     if manipulations:
         task["manipulations"] = manipulations
     overrides = wishes_of(context)
@@ -124,7 +133,7 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
     """A request with the cues and settings as they are now, hands aside, and its scene as it was. Raises SceneError."""
     settings = context.scene.oncue
     file_state.check_scene(context.scene)
-    task, overrides = read_task(context, settings.scene_scale), wishes_of(context)
+    task, overrides = _one_cue(read_task(context, settings.scene_scale)), wishes_of(context)
     return replace(
         request,
         task=task,
@@ -134,6 +143,16 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
         start_frame=settings.start_frame,
         scene_rate=frame_rate(context.scene),
     )
+
+
+def _one_cue(task: dict) -> dict:
+    """A task that cues can be followed for. Raises SceneError for several."""
+    if "steps" in task:
+        raise SceneError(
+            f"Follow Cues plays one Sit or Stop cue, and there are {len(task['steps'])}: hide all but one, or press "
+            "Synthesize."
+        )
+    return task
 
 
 def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple[str, str]]]:
@@ -148,7 +167,7 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple
     take = Take(context.scene, settings.character, action, core.skeleton())
     motion, keys, constraints = take.edit()
     report = report_of(action) or {}
-    task, complete, action_from = _made_for(report)
+    task, moments = _made_for(report)
     library, library_checksum = _made_of(report)
     request = EditRequest(
         motion,
@@ -162,8 +181,7 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple
         start_frame=take.solved.start_frame,
         scene_rate=take.solved.scene_rate,
         task=task,
-        complete=complete,
-        action_from=action_from,
+        moments=moments,
         library=library,
         library_checksum=library_checksum,
     )
@@ -180,14 +198,13 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple
     return replace(request, **seen, moving=moving), take, [*meshes.skipped, *said]
 
 
-def _made_for(report: dict) -> tuple[dict | None, int, int | None]:
-    """The task of a report, the frame at which its cue was to be met, and that from which on the person sits down."""
+def _made_for(report: dict) -> tuple[dict | None, list[dict]]:
+    """What the motion of a report was asked for, and when what happens in it."""
     try:
-        task, complete = report["task"], int(report["cues"][0]["frame"])
-        action_from = report.get("action_from")
-        return task, complete, None if action_from is None else int(action_from)
-    except (LookupError, TypeError, ValueError):
-        return None, 0, None
+        task, moments = report["task"], moments_of({"action_from": None, **report})
+        return task, [{name: None if at is None else int(at) for name, at in one.items()} for one in moments]
+    except (LookupError, TypeError, ValueError, AttributeError):
+        return None, []
 
 
 def _made_of(report: dict) -> tuple[LibraryChoice | None, str]:
@@ -357,9 +374,23 @@ def write_outcome(
             report=full_report(request, outcome, skipped),
             **placed,
         )
+        mark_cues(action, report_of(action), request.scene_rate)
         contacts = np.asarray(synthesis.contacts)
         keep_solved(action, solved_take(scene, character, names, motion, contacts, **placed))
     return action
+
+
+def cue_frames(report: dict, scene_rate: float) -> dict[str, int]:
+    """On which of the scene's frames each cue of a performance is met, by name; none for the motion of one cue."""
+    begins = report.get("extension", {}).get("begins", 0)
+    steps = report.get("steps") or []
+    return {step["cue"]: round(begins + step["complete"] * scene_rate / CORE_RATE) for step in steps}
+
+
+def mark_cues(action: bpy.types.Action, report: dict | None, scene_rate: float) -> None:
+    """Marks where the cues of a performance are met."""
+    for name, frame in cue_frames(report or {}, scene_rate).items():
+        action.pose_markers.new(name).frame = frame
 
 
 def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str]]) -> dict:
@@ -450,12 +481,14 @@ def object_at(request: Request | EditRequest, place: list[float]) -> str:
 
 def title_of(request: Request) -> str:
     """What happens in a motion, as its action is called: where the person sits or stops, and with which hands."""
-    cue, hands = request.task["cue"], [hand["name"] for hand in request.task.get("manipulations", [])]
+    cues, hands = cues_of(request.task), [hand["name"] for hand in hands_of(request.task)]
+    cue = cues[0]
     kind, name = cue["action_type"].title(), cue["name"].split(".")[0]
     where = f" at {name}" if name not in {"Sit", "Stop"} else ""
     if not where and kind == "Sit" and (seat := object_under(request, cue["position"])):
         where = f" on {seat}"
-    return f"{kind}{where}" + (f" with {' and '.join(hands)}" if hands else "")
+    more = f" and {len(cues) - 1} more" if len(cues) > 1 else ""
+    return f"{kind}{where}{more}" + (f" with {' and '.join(hands)}" if hands else "")
 
 
 def object_under(request: Request | EditRequest, place: list[float]) -> str:
@@ -493,6 +526,15 @@ def report_of(action: bpy.types.Action | None) -> dict | None:
     return report if isinstance(report, dict) else None
 
 
+def frames_of_cues(context: bpy.types.Context) -> dict[str, int]:
+    """On which frame each cue is met in the performance that the character plays, by name; none for another one."""
+    report = current_report(context.scene)
+    try:
+        return cue_frames(report, frame_rate(context.scene)) if report and belongs_to_cues(context, report) else {}
+    except (LookupError, TypeError, ValueError, AttributeError):
+        return {}
+
+
 def current_report(scene: bpy.types.Scene) -> dict | None:
     """The report of the action that the scene's character plays."""
     return report_of(current_action(scene))
@@ -516,7 +558,7 @@ def belongs_to_cues(context: bpy.types.Context, report: dict) -> bool:
     except SceneError:
         return False
     animated = any(may_move(cue) for cue in visible_cues(context, "start", *ENDS, *FEET))
-    here = animated or all(_is_same_cue(now[kind], made_for.get(kind)) for kind in ("start", "cue"))
+    here = animated or _are_same_cues(now, made_for)
     # Hands are no part of what is made while the cues are followed.
     live = LIVE_KEY in (current_action(context.scene) or {})
     return here and (live or _are_same_hands(context, report))
@@ -543,6 +585,16 @@ def _are_same_hands(context: bpy.types.Context, report: dict) -> bool:
         ):
             return False
     return True
+
+
+def _are_same_cues(now: dict, before: dict) -> bool:
+    """Whether start and cues are as they were, and in the same order."""
+    try:
+        pairs = list(zip([now["start"], *cues_of(now)], [before.get("start"), *cues_of(before)], strict=True))
+    except (LookupError, TypeError, ValueError):
+        return False
+    holds = [[step.get("hold_seconds") for step in asked.get("steps", [])] for asked in (now, before)]
+    return holds[0] == holds[1] and all(_is_same_cue(one, other) for one, other in pairs)
 
 
 def _is_same_cue(now: dict, before: object) -> bool:

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, FloatVectorProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
 from ..bridge import cue_objects, hand_reader, seat_finder
+from ..bridge.shown_cues import end_cues
+from ..errors import SceneError
 from ..job_operator import handle
 from .button import Button
 
@@ -27,9 +29,17 @@ class ONCUE_OT_place_cue(Button, bpy.types.Operator):
         ],
         options={"SKIP_SAVE"},
     )
+    then: BoolProperty(
+        name="Then",
+        description="Make another cue, which is played after those that are there",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
 
     @classmethod
     def description(cls, _context, properties) -> str:
+        if properties.then:
+            return "Place another cue under the 3D cursor, for which the person goes on from the last one"
         where = {
             "start": "Place the Start cue on the floor under the 3D cursor",
             "sit": "Place the Sit cue on the seat under the 3D cursor, facing away from its back",
@@ -45,8 +55,39 @@ class ONCUE_OT_place_cue(Button, bpy.types.Operator):
             place, yaw = seat.pelvis, seat.yaw
         else:
             place = seat_finder.surface_below(context, cursor, scale)
-            yaw = cue_objects.facing_on_the_way(context, self.kind, place)
-        cue_objects.place_cue(context, self.kind, place, yaw, scale)
+            yaw = cue_objects.facing_on_the_way(context, self.kind, place, self.then)
+        cue_objects.place_cue(context, self.kind, place, yaw, scale, then=self.then)
+
+
+class ONCUE_OT_move_step(Button, bpy.types.Operator):
+    """Have the person come to this cue earlier or later"""
+
+    bl_idname = "oncue.move_step"
+    bl_label = "Move in the Order"
+
+    cue: StringProperty(name="Cue", description="The Sit or Stop cue", options={"SKIP_SAVE"})
+    by: IntProperty(name="By", description="So many places later", default=1, options={"SKIP_SAVE"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        ends = end_cues(context)
+        at = next((at for at, cue in enumerate(ends) if cue.name == self.cue), None)
+        if at is None:
+            raise SceneError(f"There is no Sit or Stop cue {self.cue} any more.")
+        moved = ends.pop(at)
+        ends.insert(min(max(at + self.by, 0), len(ends)), moved)
+        cue_objects.number_steps(ends)
+
+
+class ONCUE_OT_select_cue(Button, bpy.types.Operator):
+    """Select this cue"""
+
+    bl_idname = "oncue.select_cue"
+    bl_label = "Select Cue"
+
+    cue: StringProperty(name="Cue", description="The cue's name", options={"SKIP_SAVE"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        cue_objects.select_cue(context, self.cue)
 
 
 class ONCUE_OT_sit_on_selection(Button, bpy.types.Operator):
@@ -131,6 +172,7 @@ It goes along with the selected object"""
 
 
 CLASSES = (
+    *(ONCUE_OT_move_step, ONCUE_OT_select_cue),
     *(ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_move_to_edge),
     *(ONCUE_OT_place_foot, ONCUE_OT_place_hand),
 )

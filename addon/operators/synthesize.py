@@ -11,11 +11,13 @@ from bpy.app.handlers import persistent
 from ..bridge import session
 from ..bridge.policies import policy_cache
 from ..job_operator import JobOperator, handle
-from ..pipeline import LibraryCache, Outcome, Request, Steps, synthesis_steps
+from ..pipeline import Earlier, LibraryCache, Outcome, Request, Steps, synthesis_steps
 from .button import Button
 
 #: The library stays in memory between presses.
 library_cache = LibraryCache()
+#: And so does the last performance, of which the next one takes what lies before a cue that was moved.
+earlier = Earlier()
 KEPT = "the motion is kept: press Write Motion once that is done."
 
 
@@ -59,7 +61,7 @@ unwritten = Unwritten()
 
 
 class ONCUE_OT_synthesize(JobOperator, bpy.types.Operator):
-    """Make a person walk from the Start cue to the Sit or Stop cue, as a new action. Esc cancels"""
+    """Make a person walk from the Start cue to the Sit or Stop cue, or from cue to cue, as a new action. Esc cancels"""
 
     bl_idname = "oncue.synthesize"
     bl_label = "Synthesize"
@@ -68,7 +70,7 @@ class ONCUE_OT_synthesize(JobOperator, bpy.types.Operator):
 
     def begin(self, context: bpy.types.Context) -> Steps[Outcome]:
         self._request, self._skipped = session.read_request(context)
-        return synthesis_steps(self._request, library_cache, policy_cache(context))
+        return synthesis_steps(self._request, library_cache, policy_cache(context), earlier)
 
     def finish(self, context: bpy.types.Context, value: Outcome) -> None:
         self._made(value).write(context, self)

@@ -11,7 +11,7 @@ import pytest
 def test_every_cue_of_the_core_can_be_placed_and_seen(oncue, action_type):
     kinds = oncue("bridge.cue_objects").KINDS
     assert action_type in kinds
-    assert action_type in oncue("bridge.cue_reader").ENDS
+    assert action_type in oncue("bridge.shown_cues").ENDS
     assert action_type in oncue("panels").CUE_ICONS
     items = bpy.ops.oncue.place_cue.get_rna_type().properties["kind"].enum_items
     assert action_type in [item.identifier for item in items]

@@ -79,13 +79,6 @@ def test_missing_and_double_cues_are_named(objects, refused):
     refused("2 Start cues.*Other Start.*Start")
 
 
-def test_two_ends_are_named(objects, refused):
-    objects.make_cue(bpy.context, "start", (0, 0, 0), 0.0)
-    objects.make_cue(bpy.context, "sit", (1, 0, 0), 0.0, name="Armchair")
-    objects.make_cue(bpy.context, "stop", (2, 0, 0), 0.0, name="Window")
-    refused("Armchair, Window")
-
-
 def test_hidden_cues_wait(objects, read):
     objects.make_cue(bpy.context, "start", (0, 0, 0), 0.0)
     objects.make_cue(bpy.context, "sit", (1, 0, 0), 0.0, name="Armchair").hide_set(True)

@@ -205,7 +205,7 @@ def test_what_a_collection_hides_is_neither_obstacle_nor_cue(context, oncue, way
     context.scene.collection.objects.link(instance)
     cue = oncue("bridge.cue_objects").make_cue(context, "start", (0, 0, 0), 0.0)
     collection, layer = in_collection("Set", add_cube("Box"), instance, cue)
-    read, cues = oncue("bridge.scene_reader").read_scene, oncue("bridge.cue_reader").visible_cues
+    read, cues = oncue("bridge.scene_reader").read_scene, oncue("bridge.shown_cues").visible_cues
     assert len(read(context).triangles) == 36
     assert cues(context, "start") == [cue]
     HIDING[way](collection, layer)

@@ -21,10 +21,10 @@ from .types import (
     ManifoldFigures,
     ManipulationCue,
     Measured,
+    Moments,
     MotionFigures,
     Passing,
     Performance,
-    PerformanceReport,
     Point,
     PolicyOrigin,
     ProgressSnapshot,
@@ -56,6 +56,7 @@ __all__ = [
     "fit_seat",
     "index_scene",
     "measure_motion",
+    "measure_performance",
     "motion_figures",
     "optimize_policy",
     "pass_moving",
@@ -210,11 +211,11 @@ def index_scene(
     positions: NDArray[np.float32],
     triangles: NDArray[np.uint32],
     settings: Settings | None = None,
-    task: Task | None = None,
+    task: Task | Performance | None = None,
 ) -> Job[SceneIndex]:
     """Indexes a scene: `positions` (n, 3), world, metres, Z up; `triangles` (m, 3), indices of positions.
 
-    With a task its floor is the level that carries the task's start; without one the level that is the scene's largest.
+    With a task or a performance its floor is the level that carries the start; without one the level that is the scene's largest.
 
     The arrays are copied before the call returns. InputError for arrays of another dtype or shape and for unknown
     settings at once; for meshes that cannot be indexed from the job.
@@ -254,8 +255,8 @@ def pass_moving(
     object whose mesh or poses are none.
     """
 
-def check_task(scene: SceneIndex, task: Task) -> None:
-    """Returns where the person can get from the task's start to its cue and do there what it asks.
+def check_task(scene: SceneIndex, task: Task | Performance) -> None:
+    """Returns where the person can get from the start to the cue, or to each of several in turn, and do there what is asked.
 
     InputError with the reason otherwise. The synthesis asks the same first.
     """
@@ -367,7 +368,7 @@ class Performed:
     def frame_rate(self) -> float:
         """Frames a second."""
     @property
-    def report(self) -> PerformanceReport:
+    def report(self) -> Report:
         """What the run tells about itself; docs/report.md describes it."""
 
 def perform(
@@ -495,6 +496,20 @@ def measure_motion(
     `library`: what it is made of, beside whose poses its own are held.
     InputError for arrays of another shape, malformed tasks and unknown settings at once.
     """
+
+def measure_performance(
+    root_positions: NDArray[np.float32],
+    rotations: NDArray[np.float32],
+    contacts: NDArray[np.float32],
+    performance: Performance,
+    moments: Sequence[Moments],
+    scene: SceneIndex | None = None,
+    settings: Settings | None = None,
+    moving: Sequence[MovingObject] = ...,
+    wait: int = 0,
+    library: Library | None = None,
+) -> Job[Measured]:
+    """The same of any motion for a performance. `moments`: of each step that was played, in frames of the motion."""
 
 def default_settings(preset: str = "default") -> Settings:
     """The settings of a preset, as `synthesize` takes them. InputError for an unknown name."""

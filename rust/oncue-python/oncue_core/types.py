@@ -667,10 +667,36 @@ class EditedFigures(TypedDict):
     problems: list[str]
 
 
+class Moments(TypedDict):
+    """When what happens in the part of a motion in which one cue is met: frames of the whole motion.
+
+    `stood_at`: when who sat at first stands. `action_from`: when the sit or stop is entered. `complete`: when the cue is met.
+    """
+
+    stood_at: NotRequired[int | None]
+    action_from: NotRequired[int | None]
+    complete: int
+
+
+class StepReport(Moments):
+    """What is told of one step of a performance. `first_frame`: that in which the step before has ended; `edited`: in
+    frames of the step's own.
+    """
+
+    cue: str
+    first_frame: int
+    edited: EditedFigures | None
+    policy_source: Literal["scratch", "prior", "kept"]
+    updates: int
+    path_m: float
+    shortest_path_m: float
+
+
 class Report(TypedDict):
     """What a run tells about itself; docs/report.md describes it.
 
-    `seconds`: by stage, of those that there were. `edited`: None where nothing was edited.
+    `seconds`: by stage, of those that there were. `edited`: None where nothing was edited. `steps`: of a performance, what
+    was played of it.
     """
 
     report_version: int
@@ -682,7 +708,7 @@ class Report(TypedDict):
     problems: list[str]
     cues: list[Residual]
     action_from: int | None
-    stood_at: NotRequired[int]
+    steps: NotRequired[list[StepReport]]
     foot: FootFigures
     penetration: PenetrationFigures
     speed: SpeedFigures
@@ -700,23 +726,6 @@ class Report(TypedDict):
     rollouts: int
     rollouts_succeeded: int
     curve: list[LearningFigures]
-
-
-class StepReport(TypedDict):
-    """The report of one step of a performance. `first_frame`: the frame of the whole that is the step's frame 0."""
-
-    first_frame: int
-    report: Report
-
-
-class PerformanceReport(TypedDict):
-    """What a performance tells about itself. `steps`: those that were played, in order."""
-
-    performance_report_version: int
-    success: bool
-    problems: list[str]
-    frames: int
-    steps: list[StepReport]
 
 
 class StartFigures(TypedDict):

@@ -49,6 +49,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(policy::robustness, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::synthesize, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::measure_motion, module)?)?;
+    module.add_function(wrap_pyfunction!(synthesis::measure_performance, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::default_settings, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::presets, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::cue_types, module)?)?;

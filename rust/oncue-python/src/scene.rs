@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use glam::{Quat, Vec3};
 use ndarray::Ix2;
-use oncue::Task;
 use oncue::passing::{self, PassingOptions};
+use oncue::perform::check_performance;
 use oncue::scene::{SceneSettings, check_task as check};
+use oncue::{Performance, Task};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -49,8 +50,8 @@ impl SceneIndex {
     }
 }
 
-/// Indexes the scene of `positions` float32 (n, 3), world, metres, Z up, and `triangles` uint32 (m, 3); with a task, on the
-/// level that carries its start.
+/// Indexes the scene of `positions` float32 (n, 3), world, metres, Z up, and `triangles` uint32 (m, 3); with a task or a
+/// performance, on the level that carries its start.
 #[pyfunction]
 #[pyo3(signature = (positions, triangles, settings=None, task=None))]
 pub fn index_scene(
@@ -59,27 +60,37 @@ pub fn index_scene(
     settings: Option<&Bound<'_, PyDict>>,
     task: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Job> {
-    let positions = places("positions", positions)?;
+    let positions = points("positions", positions)?;
     let triangles = corners(triangles)?;
     let settings: SceneSettings = json::from_optional_dict("scene settings", settings)?;
-    let task: Option<Task> = task.map(|task| json::from_dict("task", task)).transpose()?;
+    let places = match task {
+        Some(dict) if dict.contains("steps")? => {
+            json::from_dict::<Performance>("performance", dict)?.places()
+        }
+        Some(dict) => json::from_dict::<Task>("task", dict)?.places(),
+        None => Vec::new(),
+    };
     Job::start(
         move |progress| {
-            oncue::scene::SceneIndex::build_for(&positions, &triangles, &settings, task.as_ref(), progress)
+            oncue::scene::SceneIndex::build_for(&positions, &triangles, &settings, &places, progress)
         },
         |py, scene| Ok(Py::new(py, SceneIndex { inner: Arc::new(scene) })?.into_any()),
     )
 }
 
-/// Returns where the person can get from the task's start to its cue and do there what it asks; raises InputError with
-/// the reason otherwise. `synthesize` asks the same first.
+/// Returns where the person can get from the start of a task, or of a performance, to its cue, or from each to the next, and do
+/// there what is asked; raises InputError with the reason otherwise. `synthesize` and `perform` ask the same first.
 #[pyfunction]
 pub fn check_task(py: Python<'_>, scene: &SceneIndex, task: &Bound<'_, PyDict>) -> PyResult<()> {
+    if task.contains("steps")? {
+        let performance: Performance = json::from_dict("performance", task)?;
+        return job::run(py, || check_performance(&scene.inner, &performance));
+    }
     let task: Task = json::from_dict("task", task)?;
     job::run(py, || check(&scene.inner, &task))
 }
 
-fn places(name: &str, points: &Bound<'_, PyAny>) -> PyResult<Vec<Vec3>> {
+fn points(name: &str, points: &Bound<'_, PyAny>) -> PyResult<Vec<Vec3>> {
     let points = array::<f32, Ix2>(name, points, &[None, Some(3)])?;
     Ok(points.rows().into_iter().map(|p| Vec3::new(p[0], p[1], p[2])).collect())
 }
@@ -110,11 +121,11 @@ impl MovingObject {
         translations: &Bound<'_, PyAny>,
         rotations: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
-        let translations = places("translations", translations)?;
+        let translations = points("translations", translations)?;
         let rotations = array::<f32, Ix2>("rotations", rotations, &[Some(translations.len()), Some(4)])?;
         let turns = rotations.rows().into_iter().map(|q| Quat::from_xyzw(q[1], q[2], q[3], q[0]));
         let poses = translations.into_iter().zip(turns).collect();
-        Ok(Self { name, positions: places("positions", positions)?, triangles: corners(triangles)?, poses })
+        Ok(Self { name, positions: points("positions", positions)?, triangles: corners(triangles)?, poses })
     }
 
     /// The name that messages have.

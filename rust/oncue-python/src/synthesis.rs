@@ -5,7 +5,7 @@ use std::time::Instant;
 use numpy::{PyArray2, PyArray3};
 use oncue::editor::shipped_manifold;
 use oncue::motion::FRAME_RATE;
-use oncue::{ActionType, Around, Moments, Settings, Task};
+use oncue::{ActionType, Around, Measured, Moments, Performance, Settings, Task};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -114,6 +114,46 @@ pub fn measure_motion(
 ) -> PyResult<Job> {
     let motion = from_arrays(root_positions, rotations, contacts)?;
     let task: Task = json::from_dict("task", task)?;
+    let moments = Moments { stood_at: None, action_from, complete };
+    measuring(scene, settings, moving, library, wait, move |around, settings| {
+        oncue::measure(&motion, around, &task, &moments, settings)
+    })
+}
+
+/// The same of any motion for a performance.
+#[pyfunction]
+#[pyo3(signature = (root_positions, rotations, contacts, performance, moments, scene=None, settings=None, moving=vec![], wait=0, library=None))]
+#[allow(clippy::too_many_arguments)] // Python's face: the last five have names and defaults there.
+pub fn measure_performance(
+    root_positions: &Bound<'_, PyAny>,
+    rotations: &Bound<'_, PyAny>,
+    contacts: &Bound<'_, PyAny>,
+    performance: &Bound<'_, PyDict>,
+    moments: Vec<Bound<'_, PyDict>>,
+    scene: Option<&SceneIndex>,
+    settings: Option<&Bound<'_, PyDict>>,
+    moving: Vec<Py<MovingObject>>,
+    wait: usize,
+    library: Option<&Library>,
+) -> PyResult<Job> {
+    let motion = from_arrays(root_positions, rotations, contacts)?;
+    let performance: Performance = json::from_dict("performance", performance)?;
+    let moments: Vec<Moments> =
+        moments.iter().map(|m| json::from_dict("moments", m)).collect::<PyResult<_>>()?;
+    measuring(scene, settings, moving, library, wait, move |around, settings| {
+        oncue::measure_performance(&motion, around, &performance, &moments, settings)
+    })
+}
+
+/// A job that measures in what is given.
+fn measuring(
+    scene: Option<&SceneIndex>,
+    settings: Option<&Bound<'_, PyDict>>,
+    moving: Vec<Py<MovingObject>>,
+    library: Option<&Library>,
+    wait: usize,
+    measure: impl FnOnce(&Around, &Settings) -> Measured + Send + 'static,
+) -> PyResult<Job> {
     let settings: Settings = json::from_optional_dict("settings", settings)?;
     let scene = scene.map(|s| s.inner.clone());
     let library = library.map(Library::database);
@@ -127,8 +167,7 @@ pub fn measure_motion(
             let moving = built(&moving, progress)?;
             let around =
                 Around { scene: scene.as_deref(), moving: &moving, wait, database: database.as_deref() };
-            let moments = Moments { stood_at: None, action_from, complete };
-            Ok(oncue::measure(&motion, &around, &task, &moments, &settings))
+            Ok(measure(&around, &settings))
         },
         |py, measured| Ok(json::to_python(py, &measured)?.unbind()),
     )

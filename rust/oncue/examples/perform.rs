@@ -64,8 +64,8 @@ fn main() -> Result<(), AnyError> {
         let seconds = made.motion.len() as f32 / 30.0;
         println!("{name}: {seconds:.0} s of motion in {:.1} s", begun.elapsed().as_secs_f32());
         let mut before = None;
-        for (step, report) in made.steps.iter().zip(&made.report.steps) {
-            let (motion, r) = (&step.made.motion, &report.report);
+        for ((step, told), cue) in made.steps.iter().zip(&made.report.steps).zip(&made.report.cues) {
+            let motion = &step.made.motion;
             // How far a joint is from where the step before left it.
             let first = motion.postures[0].pose().positions;
             let seam = before.map_or(0.0, |last: [glam::Vec3; 22]| {
@@ -73,22 +73,26 @@ fn main() -> Result<(), AnyError> {
             });
             before = motion.postures.last().map(|p| p.pose().positions);
             println!(
-                "  {:5} {:24} {:4} frames {:5.1} cm {:4.1}° stood {:?} {} updates, path {:.1}/{:.1} m, seam {:.2} cm, scene {:.1} %, own {:.1} % {}",
-                report.first_frame,
-                r.cues.first().map_or("", |c| &c.cue),
-                r.frames,
-                r.cues.first().map_or(f32::NAN, |c| c.pelvis_cm),
-                r.cues.first().map_or(f32::NAN, |c| c.facing_degrees),
-                r.stood_at,
-                r.updates,
-                r.path_m,
-                r.shortest_path_m,
+                "  {:5} {:24} {:5.1} cm {:4.1}° {:?} {} updates, path {:.1}/{:.1} m, seam {:.2} cm",
+                told.first_frame,
+                told.cue,
+                cue.pelvis_cm,
+                cue.facing_degrees,
+                told.moments,
+                told.updates,
+                told.path_m,
+                told.shortest_path_m,
                 100.0 * seam,
-                r.body.scene.as_ref().map_or(0.0, |s| s.over_1_cm_percent),
-                r.body.own_body.percent,
-                r.problems.join(" "),
             );
         }
+        let body = &made.report.body;
+        println!(
+            "  over 1 cm in the scene {:.2} %, in the own body {:.2} %, beyond joints {:.2} %, skate {:.2} cm",
+            body.scene.as_ref().map_or(0.0, |s| s.over_1_cm_percent),
+            body.own_body.percent,
+            body.joint_limits.percent,
+            made.report.foot.skate_cm,
+        );
         println!("  {}", made.report.problems.join(" "));
         if let Some(out) = &out {
             std::fs::create_dir_all(out)?;

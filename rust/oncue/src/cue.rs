@@ -9,7 +9,7 @@ use crate::action::{ActionType, CueHeight, Fit};
 use crate::math::Planar;
 use crate::motion::skeleton::SEATED_HIPS_HEIGHT;
 use crate::motion::{FootContact, Posture};
-use crate::seats::Seats;
+use crate::seats::{Seat, Seats};
 
 /// g_init: where the character stands at frame 0 and faces, or what its body does there.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -150,11 +150,13 @@ pub struct ManipulationCue {
 }
 
 /// When what happens in the motion of a [`Task`], in its frames.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Moments {
     /// When who sat at first stands.
+    #[serde(default)]
     pub stood_at: Option<usize>,
     /// When the sit or stop is entered.
+    #[serde(default)]
     pub action_from: Option<usize>,
     /// When the cue is to be met; where nothing is complete, the last frame.
     pub complete: usize,
@@ -172,13 +174,18 @@ impl Moments {
 }
 
 impl Task {
+    /// Where the person is to be, the start first: what a scene is indexed for.
+    pub fn places(&self) -> Vec<Vec3> {
+        vec![self.start.position, self.cue.position]
+    }
+
     /// The seats of its motion: that which is got up from until the person stands, that of the cue from when the sit is entered.
     pub fn seats(&self, moments: &Moments) -> Seats {
         let left = self.start.seat().and_then(ActionCue::seat_height);
-        Seats {
-            left: left.map(|height| (moments.stood_at.unwrap_or(0), height)),
-            taken: moments.action_from.zip(self.cue.seat_height()),
-        }
+        let left = left.map(|height| Seat { height, first: 0, last: moments.stood_at.unwrap_or(0) });
+        let taken = moments.action_from.zip(self.cue.seat_height());
+        let taken = taken.map(|(first, height)| Seat { height, first, last: usize::MAX });
+        Seats(left.into_iter().chain(taken).collect())
     }
 }
 
@@ -217,4 +224,26 @@ pub struct Performance {
     pub start: InitialState,
     /// At least one.
     pub steps: Vec<Step>,
+}
+
+impl Performance {
+    /// Where the person is to be, the start first: what a scene is indexed for.
+    pub fn places(&self) -> Vec<Vec3> {
+        std::iter::once(self.start.position).chain(self.steps.iter().map(|step| step.cue.position)).collect()
+    }
+
+    /// The seats of its motion; `moments`: of each step that was played, in frames of the whole.
+    pub fn seats(&self, moments: &[Moments]) -> Seats {
+        let own = self.start.seat().and_then(ActionCue::seat_height).map(|height| (0, height));
+        let taken = self.steps.iter().zip(moments).map(|(step, m)| m.action_from.zip(step.cue.seat_height()));
+        // Each is left where the next step's person stands.
+        let left = moments.iter().map(|m| m.stood_at).chain([None]);
+        let seats = std::iter::once(own).chain(taken).zip(left);
+        let seat = |((first, height), last): ((usize, f32), Option<usize>)| Seat {
+            height,
+            first,
+            last: last.unwrap_or(usize::MAX),
+        };
+        Seats(seats.filter_map(|(taken, left)| Some(seat((taken?, left)))).collect())
+    }
 }

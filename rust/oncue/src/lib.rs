@@ -96,4 +96,6 @@ pub use perform::{Performed, perform};
 pub use progress::Progress;
 pub use scene::SceneIndex;
 pub use settings::Settings;
-pub use synthesize::{Around, Measured, Synthesis, measure, synthesize, synthesize_along};
+pub use synthesize::{
+    Around, Measured, Synthesis, measure, measure_performance, synthesize, synthesize_along,
+};

@@ -327,7 +327,7 @@ pub fn penetration_figures(
     scene: &SceneIndex,
     floor: f32,
     ignore_below: f32,
-    seats: Seats,
+    seats: &Seats,
 ) -> PenetrationFigures {
     penetration_among(motion, scene, &[], 0, floor, ignore_below, seats)
 }
@@ -340,7 +340,7 @@ pub fn penetration_among(
     wait: usize,
     floor: f32,
     ignore_below: f32,
-    seats: Seats,
+    seats: &Seats,
 ) -> PenetrationFigures {
     let (mut both, mut legs, mut arms, mut body) = (0, 0, 0, 0);
     let mut parts: BTreeMap<Limb, usize> = BTreeMap::new();
@@ -494,15 +494,15 @@ mod tests {
         let crossings: Vec<u32> =
             motion.postures.iter().map(|p| scene.body_intersections(&p.pose(), 0.1).iter().sum()).collect();
         assert_eq!(crossings, [0, 16, 8, 8]);
-        let figures = penetration_figures(&motion, &scene, 0.0, 0.1, Seats::default());
+        let figures = penetration_figures(&motion, &scene, 0.0, 0.1, &Seats::default());
         assert_eq!((figures.percent, figures.legs_percent, figures.arms_percent), (50.0, 25.0, 25.0));
         assert_eq!(figures.whole_body_percent, 75.0);
         assert_eq!(figures.parts_percent, BTreeMap::from([(Limb::Leg, 50.0), (Limb::Arm, 25.0)]));
         // Higher up than the boards nothing of the legs counts.
-        let figures = penetration_figures(&motion, &scene, 0.3, 0.1, Seats::default());
+        let figures = penetration_figures(&motion, &scene, 0.3, 0.1, &Seats::default());
         assert_eq!((figures.percent, figures.legs_percent, figures.whole_body_percent), (25.0, 0.0, 25.0));
-        assert_eq!(penetration_figures(&motion, &scene, 0.0, 0.4, Seats::default()), figures);
-        assert_eq!(penetration_figures(&Motion::default(), &scene, 0.0, 0.1, Seats::default()).percent, 0.0);
+        assert_eq!(penetration_figures(&motion, &scene, 0.0, 0.4, &Seats::default()), figures);
+        assert_eq!(penetration_figures(&Motion::default(), &scene, 0.0, 0.1, &Seats::default()).percent, 0.0);
         assert!(is_penetrating(10, 0) && is_penetrating(0, 7) && !is_penetrating(9, 6));
     }
 
@@ -517,7 +517,7 @@ mod tests {
             ([1.8, -0.3, 0.70], [2.2, 0.3, 0.72]),
             ([3.8, -0.3, 0.70], [4.2, 0.3, 0.72]),
         ]);
-        let whole = |seats| penetration_figures(&motion, &scene, 0.0, 0.1, seats).whole_body_percent;
+        let whole = |seats| penetration_figures(&motion, &scene, 0.0, 0.1, &seats).whole_body_percent;
         close(whole(Seats::default()), 200.0 / 3.0);
         close(whole(Seats::taken(0, 0.70)), 0.0);
         close(whole(Seats::taken(2, 0.70)), 100.0 / 3.0);
@@ -525,7 +525,7 @@ mod tests {
         // A lower seat does not carry what lies higher, and the paper's measure leaves nothing out.
         close(whole(Seats::taken(0, 0.60)), 200.0 / 3.0);
         close(
-            penetration_figures(&motion, &scene, 0.0, 0.1, Seats::taken(0, 0.70)).legs_percent,
+            penetration_figures(&motion, &scene, 0.0, 0.1, &Seats::taken(0, 0.70)).legs_percent,
             200.0 / 3.0,
         );
     }
@@ -552,7 +552,7 @@ mod tests {
                 .expect("a board")
         };
         let whole = |at: usize, wait: usize, seats| {
-            penetration_among(&motion, &scene, &[board(at)], wait, 0.0, 0.1, seats).whole_body_percent
+            penetration_among(&motion, &scene, &[board(at)], wait, 0.0, 0.1, &seats).whole_body_percent
         };
         close(whole(1, 0, Seats::default()), 100.0 / 3.0);
         close(whole(0, 0, Seats::default()), 0.0);
@@ -564,11 +564,12 @@ mod tests {
         close(whole(1, 0, Seats::taken(0, 0.70)), 0.0);
         close(whole(1, 0, Seats::taken(2, 0.70)), 100.0 / 3.0);
         let legs =
-            penetration_among(&motion, &scene, &[board(1)], 0, 0.0, 0.1, Seats::taken(0, 0.70)).legs_percent;
+            penetration_among(&motion, &scene, &[board(1)], 0, 0.0, 0.1, &Seats::taken(0, 0.70)).legs_percent;
         close(legs, 100.0 / 3.0);
         // What lies on the floor is stepped over.
         close(
-            penetration_among(&motion, &scene, &[board(1)], 0, 0.7, 0.1, Seats::default()).whole_body_percent,
+            penetration_among(&motion, &scene, &[board(1)], 0, 0.7, 0.1, &Seats::default())
+                .whole_body_percent,
             0.0,
         );
     }

@@ -3,23 +3,22 @@
 //! The seams lie where the person rests, on a seat or standing, so that what follows depends on nothing but the posture, and the
 //! velocity, in which that rest ends: what lies before a cue that is moved stays as it was, to the bit.
 
-use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 use crate::controller::{EpisodeEnd, StoredPolicy};
 use crate::cue::{ActionCue, BodyState, InitialState, Performance, Step, Task};
 use crate::error::{Error, Result};
+use crate::figures::StyleValues;
 use crate::library::database::MotionDatabase;
 use crate::manifold::Manifold;
 use crate::math::Planar;
+use crate::metrics::speed_figures;
 use crate::motion::{Motion, Posture};
 use crate::progress::Progress;
-use crate::report::Report;
+use crate::report::{Report, StepReport};
 use crate::scene::{SceneIndex, check_task};
 use crate::settings::Settings;
-use crate::synthesize::{Synthesis, synthesize_along};
-
-/// Rises when a field of [`PerformanceReport`] changes its meaning.
-pub const PERFORMANCE_REPORT_VERSION: u32 = 1;
+use crate::synthesize::{Around, Synthesis, measure_performance, segments, synthesize_along};
 
 /// Who sits down and goes on stays at least so long, seconds: nobody gets up before having sat.
 const SHORTEST_SIT: f32 = 0.8;
@@ -31,8 +30,9 @@ const STEP_SEED: u64 = 1 << 40;
 pub struct Performed {
     /// All of it, one motion.
     pub motion: Motion,
-    /// What it is worth, and what went wrong.
-    pub report: PerformanceReport,
+    /// What it is worth as a whole, and what went wrong; `steps` tells what was played, and is shorter than what was asked for where
+    /// a step could not be.
+    pub report: Report,
     /// The motion of each step; each begins with the last frame of the one before.
     pub steps: Vec<PerformedStep>,
 }
@@ -44,30 +44,6 @@ pub struct PerformedStep {
     key: blake3::Hash,
     /// Its own motion, report and policy.
     pub made: Synthesis,
-}
-
-/// The report of a performance.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct PerformanceReport {
-    /// Rises when a field changes its meaning.
-    pub performance_report_version: u32,
-    /// Every step was played, and each is a success.
-    pub success: bool,
-    /// In words what went wrong, step by step; empty when nothing did.
-    pub problems: Vec<String>,
-    /// Frames of the whole motion.
-    pub frames: usize,
-    /// What was played, in order; fewer than were asked for where one could not be.
-    pub steps: Vec<StepReport>,
-}
-
-/// The report of one step.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct StepReport {
-    /// The frame of the whole motion that is its frame 0.
-    pub first_frame: usize,
-    /// Its own report, in frames of its own.
-    pub report: Report,
 }
 
 /// Plays a performance. `earlier` is one that was made before: steps that follow from the same as then are taken from it.
@@ -122,7 +98,7 @@ pub fn perform(
             }
         };
         if at > 0 && made.end != EpisodeEnd::Complete {
-            stopped = Some(made.report.problems.join(" "));
+            stopped = Some(made.not_done.join(" "));
             break;
         }
         start = end_of(&made.motion, &step.cue, performance.start.position.z);
@@ -132,7 +108,8 @@ pub fn perform(
             break;
         }
     }
-    Ok(joined(performance, steps, stopped))
+    progress.stage("Measuring");
+    Ok(joined(scene, database, performance, steps, stopped, settings))
 }
 
 /// What can be known of a performance before anything is played: whether each cue can be met from where the one before is met.
@@ -201,32 +178,88 @@ fn next_key(before: blake3::Hash, step: &Step, hold_seconds: f32) -> blake3::Has
     blake3::hash(&[before.as_bytes(), step.as_slice()].concat())
 }
 
-/// The motions of all steps as one, and what is told of them.
-fn joined(performance: &Performance, steps: Vec<PerformedStep>, stopped: Option<String>) -> Performed {
+/// The motions of all steps as one, and what is told of it.
+fn joined(
+    scene: &SceneIndex,
+    database: &MotionDatabase,
+    performance: &Performance,
+    steps: Vec<PerformedStep>,
+    stopped: Option<String>,
+    settings: &Settings,
+) -> Performed {
     let mut motion = Motion::default();
-    let mut reports = Vec::new();
-    let mut problems = Vec::new();
-    for PerformedStep { made, .. } in &steps {
+    let (mut told, mut spans, mut moments) = (Vec::new(), Vec::new(), Vec::new());
+    for (PerformedStep { made, .. }, step) in steps.iter().zip(&performance.steps) {
         let first_frame = motion.len().saturating_sub(1);
         // Its first frame is the last of the one before.
         let own = usize::from(!motion.is_empty());
         motion.postures.extend(&made.motion.postures[own..]);
         motion.contacts.extend(&made.motion.contacts[own..]);
-        problems.extend(made.report.problems.iter().cloned());
-        reports.push(StepReport { first_frame, report: made.report.clone() });
+        let when = made.moments.each(|frame| first_frame + frame);
+        let sits = step.cue.is_seated() && made.end == EpisodeEnd::Complete;
+        spans.extend(segments(first_frame, motion.len(), &when, sits));
+        moments.push(when);
+        let Report { edited, policy_source, updates, path_m, shortest_path_m, .. } = made.report.clone();
+        let cue = step.cue.name.clone();
+        let (moments, edited) = (when, edited);
+        told.push(StepReport {
+            cue,
+            first_frame,
+            moments,
+            edited,
+            policy_source,
+            updates,
+            path_m,
+            shortest_path_m,
+        });
     }
-    if let Some(reason) = stopped {
-        let unplayed = &performance.steps[steps.len()..];
-        let names: Vec<String> = unplayed.iter().map(|step| format!("‘{}’", step.cue.name)).collect();
-        problems.push(reason);
-        problems.push(format!("The performance ends before {}.", names.join(", ")));
+    let around = Around { scene: Some(scene), moving: &[], wait: 0, database: Some(database) };
+    let measured = measure_performance(&motion, &around, performance, &moments, settings);
+    let mut problems: Vec<String> = steps.iter().flat_map(|step| step.made.not_done.clone()).collect();
+    problems.extend(stopped.into_iter().chain(unplayed(performance, steps.len())));
+    problems.extend(measured.body.problems(&settings.report));
+
+    let all = || steps.iter().map(|step| &step.made.report);
+    let mut seconds: BTreeMap<String, f32> = BTreeMap::new();
+    for (stage, taken) in all().flat_map(|report| &report.seconds) {
+        *seconds.entry(stage.clone()).or_default() += taken;
     }
-    let report = PerformanceReport {
-        performance_report_version: PERFORMANCE_REPORT_VERSION,
+    let first = &steps[0].made.report;
+    let environment_steps = all().map(|r| r.environment_steps).sum();
+    let rolled_out: f32 =
+        all().map(|r| r.environment_steps as f32 / r.environment_steps_per_second.max(1e-3)).sum();
+    let report = Report {
         success: problems.is_empty(),
         problems,
+        cues: measured.cues,
+        action_from: moments.last().and_then(|m| m.action_from),
+        foot: measured.foot,
+        penetration: measured.penetration.unwrap_or_default(),
+        speed: speed_figures(&motion, &database.turns.usual, &database.accelerations),
+        body: measured.body,
+        style: StyleValues::of(&motion, performance.start.position.z, &spans).medians(),
+        edited: None,
         frames: motion.len(),
-        steps: reports,
+        path_m: all().map(|r| r.path_m).sum(),
+        shortest_path_m: all().map(|r| r.shortest_path_m).sum(),
+        seconds,
+        policy_source: all().max_by_key(|r| r.updates).map_or(first.policy_source, |r| r.policy_source),
+        updates: all().map(|r| r.updates).sum(),
+        environment_steps,
+        environment_steps_per_second: environment_steps as f32 / rolled_out.max(1e-3),
+        rollouts: all().map(|r| r.rollouts).sum(),
+        rollouts_succeeded: all().map(|r| r.rollouts_succeeded).sum(),
+        curve: all().flat_map(|r| r.curve.clone()).collect(),
+        steps: told,
+        settings: Settings { scene: scene.settings().clone(), ..settings.clone() },
+        ..first.clone()
     };
     Performed { motion, report, steps }
+}
+
+/// What is said where a performance ends after so many steps, and not all are played.
+fn unplayed(performance: &Performance, played: usize) -> Option<String> {
+    let names: Vec<String> =
+        performance.steps[played..].iter().map(|step| format!("‘{}’", step.cue.name)).collect();
+    (!names.is_empty()).then(|| format!("The performance ends before {}.", names.join(", ")))
 }

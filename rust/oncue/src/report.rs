@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::controller::optimize::UpdateFigures;
+use crate::cue::Moments;
 use crate::editor::TaskEditFigures;
 use crate::figures::{BodyFigures, StyleFigures};
 use crate::metrics::{FootFigures, PenetrationFigures, Residual, SpeedFigures};
@@ -24,6 +25,28 @@ pub enum PolicySource {
     /// One that was stored when an earlier task in the scene had optimized it.
     #[serde(rename = "kept")]
     Stored,
+}
+
+/// What is told of one step of a performance. All frames are the whole motion's.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StepReport {
+    /// The cue's name.
+    pub cue: String,
+    /// The frame in which the step before has ended.
+    pub first_frame: usize,
+    /// When what happens.
+    #[serde(flatten)]
+    pub moments: Moments,
+    /// What the editor did, in frames of the step's own.
+    pub edited: Option<TaskEditFigures>,
+    /// Where the policy came from that played it.
+    pub policy_source: PolicySource,
+    /// Updates of this run; 0 where the policy that was there served.
+    pub updates: usize,
+    /// Metres the root travelled.
+    pub path_m: f32,
+    /// Metres of the shortest clear way.
+    pub shortest_path_m: f32,
 }
 
 /// The report of one run.
@@ -48,9 +71,9 @@ pub struct Report {
     pub cues: Vec<Residual>,
     /// The frame from which on the person sits down or comes to stand; none where it never did.
     pub action_from: Option<usize>,
-    /// The frame on which who sat at first stands; none for who did not.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub stood_at: Option<usize>,
+    /// What was played of a performance, cue after cue; empty for the run of one cue.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub steps: Vec<StepReport>,
     /// How well the feet stand.
     pub foot: FootFigures,
     /// How often the body is in the scene.

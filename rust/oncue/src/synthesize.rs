@@ -10,7 +10,7 @@ use crate::controller::optimize::UpdateFigures;
 use crate::controller::{
     Environment, EpisodeEnd, KeptMotion, StoredPolicy, keep_motion, optimize_policy, request_of,
 };
-use crate::cue::{Moments, Task};
+use crate::cue::{ActionCue, Moments, Performance, Task};
 use crate::editor::first_step::prepare_first_step;
 use crate::editor::seat::rests_from;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
@@ -27,6 +27,7 @@ use crate::motion::{FRAME_RATE, Motion};
 use crate::progress::Progress;
 use crate::report::{PolicySource, REPORT_VERSION, Report};
 use crate::scene::{MovingObject, SceneIndex, check_task, short_of_knee_room};
+use crate::seats::Seats;
 use crate::settings::Settings;
 use crate::synthesizer::unhurried;
 
@@ -40,6 +41,10 @@ pub struct Synthesis {
     pub motion: Motion,
     /// How the episode ended that it was played in.
     pub end: EpisodeEnd,
+    /// When what happens in it.
+    pub moments: Moments,
+    /// What of the report's problems is not of the body: cues that were missed, and what the editor could not do.
+    pub not_done: Vec<String>,
     /// What it is worth, and what went wrong.
     pub report: Report,
     /// To be kept for the next task in the scene.
@@ -118,7 +123,7 @@ pub fn synthesize_along(
     if kept.end == EpisodeEnd::Complete {
         progress.stage("Bringing to life");
         let around = Surroundings::at_end(stays.unwrap_or(scene), &task.cue);
-        let from = rests_from(&motion, moments.complete, around.seats.taken.is_some());
+        let from = rests_from(&motion, moments.complete, around.seats.at_end().is_some());
         let carried = edited.as_ref().map(|e| e.carried(task)).unwrap_or_default();
         let hold = Hold {
             from,
@@ -150,12 +155,13 @@ pub fn synthesize_along(
     let measured = measure(&motion, &around, task, &moments, settings);
     let Measured { cues, foot, penetration, body, .. } = measured;
     let sits = kept.end == EpisodeEnd::Complete && task.cue.seat_height().is_some();
-    let spans = segments(motion.len(), &moments, sits);
+    let spans = segments(0, motion.len(), &moments, sits);
     let style = StyleValues::of(&motion, task.start.position.z, &spans).medians();
     laps.done("measure");
 
     let mut problems = problems(kept.end, &cues, scene, task);
     problems.extend(edited.iter().flat_map(|e| e.problems.clone()));
+    let not_done = problems.clone();
     if kept.end == EpisodeEnd::Complete {
         problems.extend(body.problems(&settings.report));
     }
@@ -169,7 +175,7 @@ pub fn synthesize_along(
         problems,
         cues,
         action_from: moments.action_from,
-        stood_at: moments.stood_at,
+        steps: Vec::new(),
         foot,
         penetration: penetration.unwrap_or_default(),
         speed: speed_figures(&motion, &database.turns.usual, &database.accelerations),
@@ -188,28 +194,28 @@ pub fn synthesize_along(
         rollouts_succeeded: kept.succeeded,
         curve: learning.curve,
     };
-    Ok(Synthesis { motion, end: kept.end, report, policy })
+    Ok(Synthesis { motion, end: kept.end, moments, not_done, report, policy })
 }
 
-/// What happens in a motion of so many frames: someone gets up, if anyone sat; is on foot; and, where `sits`, sits down and sits to
-/// the end, which may be the frame on which the sit is complete.
-fn segments(frames: usize, moments: &Moments, sits: bool) -> Vec<Segment> {
+/// What happens in the frames `first..end` of a motion, in which a cue is met: someone gets up, if anyone sat; is on foot; and, where
+/// `sits`, sits down and sits to the end, which may be the frame on which the sit is complete.
+pub(crate) fn segments(first: usize, end: usize, moments: &Moments, sits: bool) -> Vec<Segment> {
     let to_its_end = |label: ActionLabel, first: usize, end: usize| Segment {
         label,
         first,
         end,
         complete: end.saturating_sub(1),
     };
-    let stood = moments.stood_at.unwrap_or(0);
+    let stood = moments.stood_at.unwrap_or(first);
     let sits_from = moments.action_from.filter(|_| sits);
-    let mut out = vec![to_its_end(ActionLabel::Walk, stood, sits_from.unwrap_or(frames))];
-    if stood > 0 {
-        out.insert(0, Segment { label: ActionLabel::StandUp, first: 0, end: stood, complete: stood });
+    let mut out = vec![to_its_end(ActionLabel::Walk, stood, sits_from.unwrap_or(end))];
+    if stood > first {
+        out.insert(0, Segment { label: ActionLabel::StandUp, first, end: stood, complete: stood });
     }
     if let Some(from) = sits_from {
         let complete = moments.complete;
         out.push(Segment { label: ActionLabel::Sit, first: from, end: complete, complete });
-        out.push(to_its_end(ActionLabel::SeatedIdle, complete, frames));
+        out.push(to_its_end(ActionLabel::SeatedIdle, complete, end));
     }
     out
 }
@@ -250,25 +256,45 @@ pub fn measure(
     moments: &Moments,
     settings: &Settings,
 ) -> Measured {
-    let floor = task.start.position.z;
-    let seats = task.seats(moments);
-    let ignore_below = settings.reward.ignore_below;
-    let surroundings = around.scene.map(|scene| Surroundings::of(scene, task, moments));
-    let cues: Vec<_> = residual(&task.cue, motion, moments.complete).into_iter().collect();
+    let cues = [(&task.cue, moments.complete)];
+    measure_cues(motion, around, task.start.position.z, task.seats(moments), &cues, settings)
+}
+
+/// Measures the motion of a performance; `moments`: of each of its steps that was played, in frames of the whole motion.
+pub fn measure_performance(
+    motion: &Motion,
+    around: &Around,
+    performance: &Performance,
+    moments: &[Moments],
+    settings: &Settings,
+) -> Measured {
+    let cues: Vec<_> =
+        performance.steps.iter().zip(moments).map(|(step, m)| (&step.cue, m.complete)).collect();
+    let (floor, seats) = (performance.start.position.z, performance.seats(moments));
+    measure_cues(motion, around, floor, seats, &cues, settings)
+}
+
+/// `cues`: each with the frame on which it is to be met.
+fn measure_cues(
+    motion: &Motion,
+    around: &Around,
+    floor: f32,
+    seats: Seats,
+    cues: &[(&ActionCue, usize)],
+    settings: &Settings,
+) -> Measured {
+    let cues: Vec<_> = cues.iter().filter_map(|(cue, complete)| residual(cue, motion, *complete)).collect();
+    let penetration = around.scene.map(|scene| {
+        let ignore_below = settings.reward.ignore_below;
+        penetration_among(motion, scene, around.moving, around.wait, floor, ignore_below, &seats)
+    });
+    let surroundings = around.scene.map(|scene| Surroundings::with(scene, seats));
     let mut body = body_figures(motion, floor, surroundings.as_ref());
     body.pose_distance =
         around.database.map(|database| pose_distance_figures(motion, database.known_poses(), around.scene));
     let mut problems = missed(&cues);
     problems.extend(body.problems(&settings.report));
-    Measured {
-        foot: foot_figures(motion, floor),
-        penetration: around.scene.map(|scene| {
-            penetration_among(motion, scene, around.moving, around.wait, floor, ignore_below, seats)
-        }),
-        cues,
-        body,
-        problems,
-    }
+    Measured { foot: foot_figures(motion, floor), penetration, cues, body, problems }
 }
 
 /// The policies that can be played before any is optimized.

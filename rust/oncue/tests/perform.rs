@@ -84,15 +84,22 @@ fn every_cue_is_met_and_the_seams_are_not_seen() {
     assert_eq!(report.steps.len(), 3);
     assert_eq!(made.motion.len(), report.frames);
     for (step, asked) in report.steps.iter().zip(performance().steps) {
-        let cue = &step.report.cues[0];
-        assert!(cue.met && cue.cue == asked.cue.name, "{cue:?}");
-        let root = made.motion.postures[step.first_frame + cue.frame].root_position;
+        let cue = report.cues.iter().find(|cue| cue.cue == asked.cue.name).expect("measured");
+        assert!(cue.met && (step.cue == cue.cue) && step.moments.complete == cue.frame, "{cue:?}");
+        let root = made.motion.postures[cue.frame].root_position;
         let near = if asked.cue.is_seated() { 0.01 } else { 0.10 };
         assert!(asked.cue.pelvis_distance(root) < near, "{root} at {cue:?}");
     }
     // Who sat stands before walking on; who stood does not get up.
-    let stood = |at: usize| report.steps[at].report.stood_at;
+    let stood =
+        |at: usize| report.steps[at].moments.stood_at.map(|frame| frame - report.steps[at].first_frame);
     assert!(stood(0).is_none() && stood(1).is_some_and(|f| (25..120).contains(&f)) && stood(2).is_none());
+    // The bench carries while one sits down, sits and gets up, and nothing else does.
+    assert_eq!(
+        (report.penetration.percent, report.body.scene.as_ref().map(|s| s.over_3_cm_percent)),
+        (0.0, Some(0.0))
+    );
+    assert_eq!(report.action_from, report.steps[2].moments.action_from);
 
     let usual = database().accelerations;
     for seam in report.steps[1..].iter().map(|step| step.first_frame) {
@@ -117,7 +124,7 @@ fn every_cue_is_met_and_the_seams_are_not_seen() {
 fn who_gets_up_leans_draws_the_feet_back_and_leaves_the_seat_behind() {
     let made = played();
     let up = &made.report.steps[1];
-    let stood = up.first_frame + up.report.stood_at.expect("a getting up");
+    let stood = up.moments.stood_at.expect("a getting up");
     let pose = |frame: usize| made.motion.postures[frame].pose();
     let lean = |frame: usize| {
         let way = pose(frame).position(Joint::Neck) - pose(frame).position(Joint::Hips);

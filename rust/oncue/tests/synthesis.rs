@@ -235,7 +235,7 @@ fn the_figures_that_choose_are_the_figures_that_are_reported() {
         assert_eq!(kept.moments.complete + hold + 1, kept.motion.len());
         let seats = task.seats(&kept.moments);
         let ignore = settings.reward.ignore_below;
-        let reported = penetration_figures(&kept.motion, &scene, 0.0, ignore, seats);
+        let reported = penetration_figures(&kept.motion, &scene, 0.0, ignore, &seats);
         let touching = reported.whole_body_percent / 100.0 * kept.motion.len() as f32;
         // The standing frame at the start, and the one on which the sit is entered, may count on one side only.
         let slack = 2.5 + added as f32;

@@ -77,7 +77,7 @@ pub fn edit_for_task(
         }
     }
     let room = Room { around: Some(around), floor, continues: task.start.body.is_some() };
-    let rests = rests_from(motion, out.complete_frame, around.seats.taken.is_some());
+    let rests = rests_from(motion, out.complete_frame, around.seats.at_end().is_some());
     free_body(motion, room, rests, progress)?;
     if !task.manipulations.is_empty() {
         progress.stage("Carrying the hands");

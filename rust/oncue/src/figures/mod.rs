@@ -51,7 +51,7 @@ pub struct BodyFigures {
 }
 
 /// Where a motion takes place.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Surroundings<'a> {
     /// The scene.
     pub scene: &'a SceneIndex,
@@ -69,11 +69,11 @@ impl<'a> Surroundings<'a> {
 
     /// Those of who has met `cue`.
     pub(crate) fn at_end(scene: &'a SceneIndex, cue: &ActionCue) -> Self {
-        Self::with(scene, Seats { left: None, taken: cue.seat_height().map(|height| (0, height)) })
+        Self::with(scene, cue.seat_height().map_or_else(Seats::default, |height| Seats::taken(0, height)))
     }
 
     /// What is higher than a rug counts, whatever the paper leaves out of its penetration: a foot in a plinth of 7 cm is seen.
-    fn with(scene: &'a SceneIndex, seats: Seats) -> Self {
+    pub(crate) fn with(scene: &'a SceneIndex, seats: Seats) -> Self {
         Self { scene, ignore_below: scene.settings().carpet_height, seats }
     }
 

@@ -112,7 +112,7 @@ pub(crate) struct Hold<'a> {
 /// # Errors
 /// `Cancelled`.
 pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> Result<()> {
-    lengthen(motion, hold.frames, hold.around.seats.taken.is_some());
+    lengthen(motion, hold.frames, hold.around.seats.at_end().is_some());
     if hold.size <= 0.0 || hold.from >= motion.len() {
         return Ok(());
     }
@@ -223,7 +223,7 @@ impl<'a> Body<'a> {
         let base = &motion.postures[hold.from..];
         let last = base[base.len() - 1];
         let pose = last.pose();
-        let seated = hold.around.seats.taken.is_some();
+        let seated = hold.around.seats.at_end().is_some();
         let carried = [Hand::Left, Hand::Right].map(|side| {
             let follows = |frame: usize| is_carried(hold.carried, side, hold.from + frame);
             let carried: Vec<f32> = (0..base.len()).map(|f| if follows(f) { 1.0 } else { 0.0 }).collect();
@@ -467,10 +467,10 @@ struct Flaws {
 impl Flaws {
     fn of(posture: &Posture, hold: &Hold) -> Self {
         let pose = posture.pose();
-        let Surroundings { scene, ignore_below, seats } = hold.around;
-        let above = hold.floor + ignore_below;
+        let around = &hold.around;
+        let above = hold.floor + around.ignore_below;
         Self {
-            crossings: scene.intersections_on(&pose, above, seats.at(usize::MAX)),
+            crossings: around.scene.intersections_on(&pose, above, around.seats.at_end()),
             own: touching(&pose, 0.0).collect(),
             scene: in_scene(&pose, usize::MAX, hold.floor, &hold.around)
                 .into_iter()

@@ -44,7 +44,7 @@ fn hold<'a>(
     seed: u64,
     carried: &'a [(Hand, Range<usize>)],
 ) -> Hold<'a> {
-    let seats = Seats { left: None, taken: sits.then_some((0, SEAT)) };
+    let seats = if sits { Seats::taken(0, SEAT) } else { Seats::default() };
     let around = Surroundings { scene, ignore_below: 0.1, seats };
     Hold { from: 10, frames, size: 1.0, seed, floor: 0.0, feet_free: [false; 2], carried, around }
 }

@@ -59,7 +59,6 @@ use std::cell::RefCell;
 
 use glam::{Quat, UVec3, Vec2, Vec3};
 
-use crate::cue::Task;
 use crate::error::Result;
 use crate::motion::skeleton::LIMB_BOX_COUNT;
 use crate::motion::{BODY_BOXES, BoxNode, Pose};
@@ -83,19 +82,20 @@ const LIMB_BOXES: [BoxNode; LIMB_BOX_COUNT] = {
 /// is the seat, metres. The pelvis joint is at 0.10; armrests, backrests and tables reach higher.
 pub(crate) const SEAT_GIVE: f32 = 0.08;
 
-/// A scene so wide that its grid would be coarser is looked at so far about the start and the cue, metres.
+/// A scene so wide that its grid would be coarser is looked at so far about the start and the cues, metres.
 const SURROUNDINGS: f32 = 20.0;
 
-/// The part of the floor plane in which the ways of a task are found.
-fn surroundings(bounds: (Vec3, Vec3), task: &Task, settings: &SceneSettings) -> (Vec3, Vec3) {
+/// The part of the floor plane in which the ways from place to place are found.
+fn surroundings(bounds: (Vec3, Vec3), places: &[Vec3], settings: &SceneSettings) -> (Vec3, Vec3) {
     let (lo, hi) = bounds;
     let cells = (((hi - lo).truncate() / settings.cell_size).as_dvec2() + 1.0).element_product();
-    let places = [task.start.position, task.cue.position];
     if cells <= settings.max_cells as f64 / 4.0 || places.iter().any(|place| !place.is_finite()) {
         return bounds;
     }
-    let [a, b] = places.map(|place| place.clamp(lo, hi));
-    let (from, to) = ((a.min(b) - SURROUNDINGS).max(lo), (a.max(b) + SURROUNDINGS).min(hi));
+    let within = |place: &Vec3| place.clamp(lo, hi);
+    let least = places.iter().map(within).reduce(Vec3::min).unwrap_or(lo);
+    let most = places.iter().map(within).reduce(Vec3::max).unwrap_or(hi);
+    let (from, to) = ((least - SURROUNDINGS).max(lo), (most + SURROUNDINGS).min(hi));
     (from.with_z(lo.z), to.with_z(hi.z))
 }
 
@@ -127,16 +127,16 @@ impl SceneIndex {
         settings: &SceneSettings,
         progress: &Progress,
     ) -> Result<SceneIndex> {
-        Self::build_for(positions, triangles, settings, None, progress)
+        Self::build_for(positions, triangles, settings, &[], progress)
     }
 
-    /// The same for a task: its floor is the level that carries the task's start, whatever else in the scene is level, and
-    /// in a scene too wide for its grid the ways are found about the start and the cue.
+    /// The same for places that a person is to be at: its floor is the level that carries the first of them, the start, whatever
+    /// else in the scene is level, and in a scene too wide for its grid the ways are found about them.
     pub fn build_for(
         positions: &[Vec3],
         triangles: &[[u32; 3]],
         settings: &SceneSettings,
-        task: Option<&Task>,
+        places: &[Vec3],
         progress: &Progress,
     ) -> Result<SceneIndex> {
         settings.validate()?;
@@ -148,11 +148,9 @@ impl SceneIndex {
         let tree = TriangleTree::build(&corners, progress)?;
         progress.fraction(0.7);
         let dominant = floor::dominant_level(&tree, bounds, settings.headroom, progress)?;
-        let floor_height = match (settings.floor_height, task) {
+        let floor_height = match (settings.floor_height, places.first()) {
             (Some(height), _) => height,
-            (None, Some(task)) => {
-                floor::level_under(&tree, bounds, dominant, task.start.position, settings, progress)?
-            }
+            (None, Some(&start)) => floor::level_under(&tree, bounds, dominant, start, settings, progress)?,
             (None, None) => dominant,
         };
         // What was learnt on one level says nothing of another.
@@ -162,7 +160,7 @@ impl SceneIndex {
         let field =
             DistanceField::build(&corners, bounds, bottom, settings.cell_size, settings.max_cells, progress)?;
         progress.fraction(0.9);
-        let region = task.map_or(bounds, |task| surroundings(bounds, task, settings));
+        let region = if places.is_empty() { bounds } else { surroundings(bounds, places, settings) };
         let occupancy = OccupancyGrid::build(&corners, region, floor_height, settings, progress)?;
         progress.fraction(1.0);
         Ok(SceneIndex {

@@ -52,7 +52,7 @@ impl Mesh {
 
     fn build_for(&self, task: &Task) -> SceneIndex {
         let (settings, progress) = (SceneSettings::default(), Progress::new());
-        SceneIndex::build_for(&self.positions, &self.triangles, &settings, Some(task), &progress).unwrap()
+        SceneIndex::build_for(&self.positions, &self.triangles, &settings, &task.places(), &progress).unwrap()
     }
 
     /// What is said of a task in this scene, indexed for it; nothing where it can be done.
