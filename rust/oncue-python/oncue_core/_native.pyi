@@ -215,7 +215,8 @@ def index_scene(
 ) -> Job[SceneIndex]:
     """Indexes a scene: `positions` (n, 3), world, metres, Z up; `triangles` (m, 3), indices of positions.
 
-    With a task or a performance its floor is the level that carries the start; without one the level that is the scene's largest.
+    With a task or a performance its floor is the level that carries the start; without one the level that is the
+    scene's largest.
 
     The arrays are copied before the call returns. InputError for arrays of another dtype or shape and for unknown
     settings at once; for meshes that cannot be indexed from the job.
@@ -256,7 +257,7 @@ def pass_moving(
     """
 
 def check_task(scene: SceneIndex, task: Task | Performance) -> None:
-    """Returns where the person can get from the start to the cue, or to each of several in turn, and do there what is asked.
+    """Returns where the person can get from the start to the cue, or to each of several, and do there what is asked.
 
     InputError with the reason otherwise. The synthesis asks the same first.
     """

@@ -54,8 +54,8 @@ class Task(TypedDict):
 class Step(TypedDict):
     """A cue of a performance, and what is done there.
 
-    `hold_seconds`: how long the person stays; without it as long as it takes to go on, and at the end as the settings say.
-    `manipulations`: in frames of this step's own motion.
+    `hold_seconds`: how long the person stays; without it as long as it takes to go on, and at the end as the settings
+    say. `manipulations`: in frames of this step's own motion.
     """
 
     cue: ActionCue
@@ -670,7 +670,8 @@ class EditedFigures(TypedDict):
 class Moments(TypedDict):
     """When what happens in the part of a motion in which one cue is met: frames of the whole motion.
 
-    `stood_at`: when who sat at first stands. `action_from`: when the sit or stop is entered. `complete`: when the cue is met.
+    `stood_at`: when who sat at first stands. `action_from`: when the sit or stop is entered. `complete`: when the cue
+    is met.
     """
 
     stood_at: NotRequired[int | None]
@@ -695,8 +696,8 @@ class StepReport(Moments):
 class Report(TypedDict):
     """What a run tells about itself; docs/report.md describes it.
 
-    `seconds`: by stage, of those that there were. `edited`: None where nothing was edited. `steps`: of a performance, what
-    was played of it.
+    `seconds`: by stage, of those that there were. `edited`: None where nothing was edited. `steps`: of a performance,
+    what was played of it.
     """
 
     report_version: int
