@@ -14,8 +14,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let style = if paths.is_empty() {
         starter::generate(&progress)?.style(None)
     } else {
-        let settings =
-            LibrarySettings { starter: StarterUse::None, mirror: false, ..LibrarySettings::default() };
+        let settings = LibrarySettings {
+            starter: StarterUse::None,
+            mirror: false,
+            raised_arms: true,
+            ..LibrarySettings::default()
+        };
         build(&paths, &settings, &progress)?.library.style(Some(Source::Mocap))
     };
     for (group, name, values) in style.rows().into_iter().filter(|row| !row.2.is_empty()) {

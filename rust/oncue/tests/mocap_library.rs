@@ -23,7 +23,12 @@ use shared_tests::{always, needs};
 use written::Written;
 
 fn settings() -> LibrarySettings {
-    LibrarySettings { mirror: false, starter: StarterUse::None, ..LibrarySettings::default() }
+    LibrarySettings {
+        mirror: false,
+        starter: StarterUse::None,
+        raised_arms: true,
+        ..LibrarySettings::default()
+    }
 }
 
 /// The library of a folder, built once for all tests.

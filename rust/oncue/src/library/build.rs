@@ -42,6 +42,8 @@ pub struct LibrarySettings {
     pub mapping: Option<PathBuf>,
     /// Files that were made of others, each with what it shows. Default: none.
     pub sources: BTreeMap<PathBuf, CaptureSource>,
+    /// Match captured sits and rises whose arms are held up too, as those of exercises are. Default: false.
+    pub raised_arms: bool,
 }
 
 /// What a `.bvh` was made of that stands for a capture of another format.
@@ -56,7 +58,13 @@ pub struct CaptureSource {
 
 impl Default for LibrarySettings {
     fn default() -> Self {
-        Self { mirror: true, starter: StarterUse::Missing, mapping: None, sources: BTreeMap::new() }
+        Self {
+            mirror: true,
+            starter: StarterUse::Missing,
+            mapping: None,
+            sources: BTreeMap::new(),
+            raised_arms: false,
+        }
     }
 }
 
@@ -124,7 +132,7 @@ pub fn build(paths: &[PathBuf], settings: &LibrarySettings, progress: &Progress)
     let work: Vec<_> = files.iter().zip(&surveyed).collect();
     let takes = each(&work, progress, |(path, survey)| {
         let survey = survey.as_ref().map_err(Clone::clone)?;
-        take::make(path, survey, &groups[survey.key.as_str()])
+        take::make(path, survey, &groups[survey.key.as_str()], settings.raised_arms)
     })?;
     drop(work);
 

@@ -83,6 +83,23 @@ pub(crate) fn label(motion: &Motion) -> Vec<Segment> {
     segments
 }
 
+/// The same, but that sits and rises whose arms are held up are not matched: as a person sits down who was asked to hold them so,
+/// nobody does.
+pub(crate) fn label_for_use(motion: &Motion) -> Vec<Segment> {
+    let signals = signals(motion);
+    let mut segments = label(motion);
+    for segment in &mut segments {
+        let seated =
+            [ActionLabel::Sit, ActionLabel::SeatedIdle, ActionLabel::StandUp].contains(&segment.label);
+        let own = &signals[segment.first..segment.end];
+        let raised = own.iter().filter(|signal| signal.raised_hand).count();
+        if seated && 2 * raised > own.len() {
+            segment.label = ActionLabel::Other;
+        }
+    }
+    segments
+}
+
 fn signals(motion: &Motion) -> Vec<Signal> {
     let poses: Vec<Pose> = motion.postures.iter().map(|p| p.pose()).collect();
     let count = poses.len();
@@ -319,5 +336,35 @@ fn mark_stops(labels: &mut [ActionLabel], signals: &[Signal], segments: &mut Vec
         let end = (complete + 1 + SETTLE_FRAMES).min(idle_end);
         labels[first..end].fill(ActionLabel::Stop);
         segments.push(Segment { label: ActionLabel::Stop, first, end, complete });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::library::starter;
+    use crate::progress::Progress;
+    use glam::Quat;
+
+    #[test]
+    fn sits_with_raised_arms_are_not_for_use() {
+        let library = starter::generate(&Progress::new()).expect("not cancelled");
+        let clip = library.clips.iter().find(|clip| clip.name == "sit 46 cm, turn 0°").expect("a sit");
+        let mut motion = clip.motion.clone();
+        let found = |segments: &[Segment], label: ActionLabel| segments.iter().any(|s| s.label == label);
+        assert_eq!(label(&motion), label_for_use(&motion));
+        assert!(found(&label(&motion), ActionLabel::Sit));
+        for posture in &mut motion.postures {
+            for (arm, side) in [(Joint::LeftArm, 1.0), (Joint::RightArm, -1.0)] {
+                posture.rotations[arm.index()] = Quat::from_rotation_y(-side * 0.6);
+            }
+        }
+        // What it is is seen as before; it is set aside, with the reason.
+        assert!(found(&label(&motion), ActionLabel::Sit));
+        let aside = label_for_use(&motion);
+        assert!(!found(&aside, ActionLabel::Sit) && !found(&aside, ActionLabel::SeatedIdle));
+        assert!(
+            unmatched(&motion, &aside).iter().any(|(what, frames)| *what == "a raised hand" && *frames > 30)
+        );
     }
 }

@@ -26,7 +26,9 @@ pub(super) struct Take {
 }
 
 /// Makes a file's clip. The error is a sentence.
-pub(super) fn make(path: &Path, survey: &Survey, group: &Group) -> Result<Take, String> {
+///
+/// `raised_arms`: see [`super::LibrarySettings`].
+pub(super) fn make(path: &Path, survey: &Survey, group: &Group, raised_arms: bool) -> Result<Take, String> {
     let file = survey.file(path)?;
     let up = group.up();
     let mut sampler = Sampler::new(&file, &survey.table, up)?;
@@ -57,7 +59,8 @@ pub(super) fn make(path: &Path, survey: &Survey, group: &Group) -> Result<Take, 
     if bad {
         return Err("its motion could not be put on the skeleton.".into());
     }
-    let segments = labelled(&motion, &sampler, &survey.sidecar, file.frame_count())?;
+    let detected = if raised_arms { label::label(&motion) } else { label::label_for_use(&motion) };
+    let segments = labelled(&motion, &detected, &sampler, &survey.sidecar, file.frame_count())?;
     let reason = why_unmatched(&motion, &segments);
     let clip = Clip { name: name_of(path), source: Source::Mocap, mirrored: false, motion, segments };
     Ok(Take { clip, notes: survey.notes.clone(), reason })
@@ -66,11 +69,11 @@ pub(super) fn make(path: &Path, survey: &Survey, group: &Group) -> Result<Take, 
 /// The detected segments, with the mapping file's ranges over them.
 fn labelled(
     motion: &Motion,
+    detected: &[Segment],
     sampler: &Sampler,
     sidecar: &Sidecar,
     file_frames: usize,
 ) -> Result<Vec<Segment>, String> {
-    let detected = label::label(motion);
     let ours = |frame: usize| {
         let start = sampler.file_frame(0);
         let step = sampler.file_frame(1) - start;
@@ -94,7 +97,7 @@ fn labelled(
     if ranges.windows(2).any(|w| w[1].first < w[0].end) {
         return Err("the label ranges of its mapping file overlap.".into());
     }
-    Ok(sidecar::override_labels(&detected, &ranges, motion.len()))
+    Ok(sidecar::override_labels(detected, &ranges, motion.len()))
 }
 
 /// A sentence about what is not matched, or `None` where all is.
