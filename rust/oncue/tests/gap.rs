@@ -113,7 +113,9 @@ fn arms_turn_aside_between_two_cupboards() {
     for seed in 1..4 {
         let (with, without) = (walk(true, seed), walk(false, seed));
         println!("seed {seed}: with the posture offset {with:?}, without {without:?}");
-        assert!(with.other_frames == 0 && without.other_frames <= 3, "{with:?} {without:?}");
+        assert_eq!(with.other_frames, 0, "{with:?}");
+        // It is arms that brush the cupboards without it, seldom a shoulder or a foot with them.
+        assert!(2 * without.other_frames < without.frames, "{without:?}");
         // Without it the arms brush the cupboards, as there is no other way; with it they are clear or nearly so.
         assert!(with.crossings < without.crossings, "{with:?} {without:?}");
         frames += with.frames;
