@@ -64,6 +64,7 @@ class ONCUE_OT_move_step(Button, bpy.types.Operator):
 
     bl_idname = "oncue.move_step"
     bl_label = "Move in the Order"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
     cue: StringProperty(name="Cue", description="The Sit or Stop cue", options={"SKIP_SAVE"})
     by: IntProperty(name="By", description="So many places later", default=1, options={"SKIP_SAVE"})
@@ -83,6 +84,7 @@ class ONCUE_OT_select_cue(Button, bpy.types.Operator):
 
     bl_idname = "oncue.select_cue"
     bl_label = "Select Cue"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
     cue: StringProperty(name="Cue", description="The cue's name", options={"SKIP_SAVE"})
 
