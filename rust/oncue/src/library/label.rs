@@ -181,10 +181,11 @@ struct Unmatched {
 const UNMATCHED: [Unmatched; 6] = [
     Unmatched { what: "running", shows: |s| s.speed > RUN_SPEED, shortest: 4, around: 5 },
     Unmatched { what: "both feet in the air", shows: |s| s.airborne, shortest: 2, around: 8 },
+    // Before what a seat's height shows: who sits with an arm held up does not crouch.
+    Unmatched { what: "a raised hand", shows: |s| s.raised_hand, shortest: 5, around: 5 },
     Unmatched { what: "crouching or lying", shows: |s| s.pelvis.z < LOW_PELVIS, shortest: 3, around: 5 },
     Unmatched { what: "bending down", shows: |s| s.lean > BENT_TRUNK, shortest: 3, around: 5 },
     Unmatched { what: "hands held in front", shows: |s| s.busy_hands, shortest: 12, around: 5 },
-    Unmatched { what: "a raised hand", shows: |s| s.raised_hand, shortest: 5, around: 5 },
 ];
 
 impl Unmatched {
