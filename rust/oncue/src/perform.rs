@@ -70,7 +70,7 @@ pub fn perform(
     let mut steps: Vec<PerformedStep> = Vec::new();
     let mut stopped = None;
     let mut start = performance.start.clone();
-    let mut before = first_key(scene, database, performance, settings, seed);
+    let mut before = first_key(manifold, scene, database, performance, stored, settings, seed);
     for (at, step) in performance.steps.iter().enumerate() {
         let hold_seconds = hold_seconds(step, at + 1 == performance.steps.len(), settings);
         let key = next_key(before, step, hold_seconds);
@@ -161,14 +161,21 @@ fn end_of(motion: &Motion, cue: &ActionCue, floor: f32) -> InitialState {
     continuing(cue, postures, motion.contacts[last], floor)
 }
 
+/// A fingerprint of all that every step follows from.
 fn first_key(
+    manifold: Option<&Manifold>,
     scene: &SceneIndex,
     database: &MotionDatabase,
     performance: &Performance,
+    stored: Option<&StoredPolicy>,
     settings: &Settings,
     seed: u64,
 ) -> blake3::Hash {
-    let all = (scene.fingerprint(), &database.library_checksum, &performance.start, settings, seed);
+    let file = |bytes: Option<Vec<u8>>| bytes.map(|bytes| blake3::hash(&bytes).to_hex().to_string());
+    let along = file(manifold.map(Manifold::to_bytes));
+    let by = file(stored.map(StoredPolicy::to_bytes));
+    let all =
+        (along, scene.fingerprint(), &database.library_checksum, &performance.start, by, settings, seed);
     // Numbers, names and lists always serialize.
     blake3::hash(&serde_json::to_vec(&all).unwrap_or_default())
 }

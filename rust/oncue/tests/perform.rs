@@ -6,6 +6,7 @@ use std::sync::OnceLock;
 
 use glam::Vec3;
 use oncue::MotionDatabase;
+use oncue::editor::shipped_manifold;
 use oncue::library::starter;
 use oncue::motion::Joint;
 use oncue::scene::SceneIndex;
@@ -163,6 +164,21 @@ fn what_lies_before_a_moved_cue_stays_to_the_bit() {
     assert!(longer.motion.postures[..=second] == made.motion.postures[..=second]);
     let frames = |made: &Performed| made.report.steps[2].first_frame - made.report.steps[1].first_frame;
     assert!(frames(&longer) >= frames(made) + 40, "{} {}", frames(&longer), frames(made));
+}
+
+#[test]
+fn what_was_made_along_another_manifold_is_made_anew() {
+    let mut first = performance();
+    first.steps.truncate(1);
+    let along = |earlier: Option<&Performed>| {
+        let (manifold, settings) = (shipped_manifold(), Settings::default());
+        perform(manifold, &room(), database(), &first, earlier, None, &settings, 1, &Progress::new())
+            .expect("a performance")
+            .motion
+    };
+    let alone = along(None);
+    assert!(alone != played().steps[0].made.motion, "the manifold makes a difference");
+    assert!(along(Some(played())) == alone);
 }
 
 #[test]
