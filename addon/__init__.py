@@ -13,6 +13,7 @@ from .operators import (
     library,
     manifold,
     menus,
+    own_rig,
     place_cues,
     policies,
     scene_setup,
@@ -22,7 +23,7 @@ from .operators import (
 #: In the order of registering: properties before what shows them, the job's handle before what uses it.
 MODULES = (
     *(properties, preferences, job_operator),
-    *(synthesize, follow, library, manifold, place_cues, scene_setup, edit, policies, go_to_frame),
+    *(synthesize, follow, library, manifold, place_cues, scene_setup, own_rig, edit, policies, go_to_frame),
     *(menus, panels, overlay, manual, translations),
 )
 

@@ -9,10 +9,11 @@ from pathlib import Path
 import bpy
 
 from . import native
-from .bridge import session
+from .bridge import own_rig, session
 from .bridge.cue_objects import KINDS
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
+from .bridge.puppet import is_own_skeleton
 from .bridge.shown_cues import ENDS, FEET, HANDS, end_cues, visible_cues
 from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .foreign_captures import SUFFIXES as FOREIGN
@@ -179,6 +180,44 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
             layout.prop(settings, name)
         layout.operator("oncue.toggle_exclude")
         layout.operator("oncue.reset_character")
+        _draw_bones(context, layout)
+
+
+def _draw_bones(context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+    """Which bones of the artist's own rig are which joints."""
+    character = context.scene.oncue.character
+    if native.MISSING or character is None or is_own_skeleton(character, native.core.skeleton()):
+        return
+    header, body = layout.panel("oncue_bones", default_closed=True)
+    header.label(text=told(f"Bones of {character.name}"))
+    if not body:
+        return
+    body.use_property_split = False
+    try:
+        known, said = own_rig.recognized(character)["joints"], ""
+    except native.expected_errors() as error:
+        known, said = {}, native.sentence(error)
+    if said:
+        write_lines(context, body, said, "ERROR")
+    named = named_bones(character)
+    column = body.column(align=True)
+    for joint in native.core.skeleton()["names"]:
+        if joint in known or joint in named or said:
+            row = column.row(align=True)
+            row.label(text=joint, icon="PINNED" if joint in named else "BONE_DATA")
+            bone = named.get(joint) or known.get(joint, "")
+            row.operator("oncue.name_bone", text=bone or told("None"), translate=False).joint = joint
+    row = body.row(align=True)
+    row.operator("oncue.save_bones", icon="FILE_TICK")
+    row.operator("oncue.load_bones", icon="FILE_FOLDER")
+
+
+def named_bones(character: bpy.types.Object) -> dict[str, str]:
+    """The bones that the artist has named; none where what is kept of them cannot be read."""
+    try:
+        return own_rig.mapping_of(character)
+    except SceneError:
+        return {}
 
 
 class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):

@@ -116,6 +116,11 @@ class Request:
     #: The object of each triangle, by its place in `names`.
     owners: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, np.uint32))
     names: tuple[str, ...] = ()
+    #: How many times as large as the core's body the person is. All of the above is in the measure of that body: metres
+    #: of which it is 1.8 tall, and its seconds (`body_size`).
+    size: float = 1.0
+    #: The task in the scene's own metres and seconds; None where it is the same.
+    asked: Asked | None = None
 
 
 @dataclass(frozen=True)
@@ -142,6 +147,7 @@ class EditRequest:
     moving: tuple[Thing, ...] = ()
     owners: NDArray[np.uint32] = field(default_factory=lambda: np.empty(0, np.uint32))
     names: tuple[str, ...] = ()
+    size: float = 1.0
     #: What the motion was made for; None where nobody knows any more.
     task: Asked | None = None
     #: When what happens, for each cue that was played: frames of the motion.
@@ -233,7 +239,10 @@ def synthesis_steps(
         with _timed(seconds, "scene_index"):
             scene = yield from finish(core.index_scene(positions, triangles, settings["scene"], request.task))
         try:
-            with _timed(seconds, "synthesis"), told_in_scene_frames(request.start_frame, request.scene_rate):
+            with (
+                _timed(seconds, "synthesis"),
+                told_in_scene_frames(request.start_frame, request.scene_rate, request.size),
+            ):
                 kept = policies.find(scene, library) if policies else None
                 asked = (settings, request.seed, kept, manifold)
                 synthesis: core.Synthesis | core.Performed
@@ -377,7 +386,7 @@ def edit_steps(request: EditRequest, cache: LibraryCache) -> Steps[EditOutcome]:
         # Who sits at the end sits on what stands there by then.
         last = [(thing.at(len(request.contacts)), thing.triangles) for thing in request.moving]
         scene = yield from finish(core.index_scene(*joined([still, *last]), on_floor))
-    with told_in_scene_frames(request.start_frame, request.scene_rate):
+    with told_in_scene_frames(request.start_frame, request.scene_rate, request.size):
         edited = yield from finish(
             core.edit_motion(
                 request.motion.root_positions,

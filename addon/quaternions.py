@@ -51,29 +51,32 @@ def continuous(rotations: np.ndarray) -> np.ndarray:
     return out
 
 
-def to_matrix(quaternion: np.ndarray) -> np.ndarray:
-    """The rotation matrix (3, 3) of a unit quaternion (4,)."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+def to_matrix(quaternions: np.ndarray) -> np.ndarray:
+    """The rotation matrices (…, 3, 3) of unit quaternions (…, 4)."""
+    w, x, y, z = np.moveaxis(np.asarray(quaternions, dtype=np.float64), -1, 0)
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
-def from_matrix(m: np.ndarray) -> np.ndarray:
-    """The quaternion of a rotation matrix (3, 3), with w ≥ 0."""
-    k = np.array(
-        [
-            [m[0, 0] + m[1, 1] + m[2, 2], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
-            [0.0, m[0, 0] - m[1, 1] - m[2, 2], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
-            [0.0, 0.0, m[1, 1] - m[0, 0] - m[2, 2], m[1, 2] + m[2, 1]],
-            [0.0, 0.0, 0.0, m[2, 2] - m[0, 0] - m[1, 1]],
-        ]
-    )
+def from_matrix(matrices: np.ndarray) -> np.ndarray:
+    """The quaternions (…, 4) of rotation matrices (…, 3, 3), with w ≥ 0."""
+    m = np.asarray(matrices, dtype=np.float64)
+    k = np.zeros((*m.shape[:-2], 4, 4))
+    k[..., 0, 0] = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
+    k[..., 0, 1] = m[..., 2, 1] - m[..., 1, 2]
+    k[..., 0, 2] = m[..., 0, 2] - m[..., 2, 0]
+    k[..., 0, 3] = m[..., 1, 0] - m[..., 0, 1]
+    k[..., 1, 1] = m[..., 0, 0] - m[..., 1, 1] - m[..., 2, 2]
+    k[..., 1, 2] = m[..., 0, 1] + m[..., 1, 0]
+    k[..., 1, 3] = m[..., 0, 2] + m[..., 2, 0]
+    k[..., 2, 2] = m[..., 1, 1] - m[..., 0, 0] - m[..., 2, 2]
+    k[..., 2, 3] = m[..., 1, 2] + m[..., 2, 1]
+    k[..., 3, 3] = m[..., 2, 2] - m[..., 0, 0] - m[..., 1, 1]
     # Bar-Itzhack 2000: the quaternion is the eigenvector of the largest eigenvalue; eigh reads the upper triangle.
     _, vectors = np.linalg.eigh(k / 3.0, UPLO="U")
-    quaternion = vectors[:, -1]
-    return quaternion if quaternion[0] >= 0.0 else -quaternion
+    quaternions: np.ndarray = vectors[..., -1]
+    return np.where(quaternions[..., :1] >= 0.0, quaternions, -quaternions)

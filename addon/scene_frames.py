@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from . import native
+from .body_size import sentence_in_scene
 from .errors import EdgeError, SceneError
 
 #: The core's frames a second.
@@ -39,11 +40,14 @@ def in_scene_frames(sentence: str, start_frame: int, scene_rate: float) -> str:
 
 
 @contextmanager
-def told_in_scene_frames(start_frame: int, scene_rate: float) -> Iterator[None]:
-    """What the core refuses in the block is a SceneError that names the scene's frames."""
+def told_in_scene_frames(start_frame: int, scene_rate: float, size: float = 1.0) -> Iterator[None]:
+    """What the core refuses in the block is a SceneError that names the scene's frames, and its metres where the body
+    is `size` times as large as the core's."""
     try:
         yield
     except native.core.EdgeError as error:
-        raise EdgeError(str(error), error.place, error.yaw) from error
+        x, y, z = error.place
+        raise EdgeError(sentence_in_scene(str(error), size), (x * size, y * size, z * size), error.yaw) from error
     except native.core.InputError as error:
-        raise SceneError(in_scene_frames(str(error), start_frame, scene_rate)) from error
+        told = in_scene_frames(str(error), start_frame, scene_rate)
+        raise SceneError(sentence_in_scene(told, size)) from error

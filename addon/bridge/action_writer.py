@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+from typing import Protocol
 
 import bpy
 import numpy as np
@@ -25,6 +26,18 @@ FACTORY_RANGE = (1, 250)
 LOCATION, ROTATION = "location", "rotation_quaternion"
 
 
+class Space(Protocol):
+    """The way between the core's arrays and the channels of some armature's bones."""
+
+    #: The bones that are keyed: the first one's location, and rotations of all.
+    bones: list[str]
+    #: The core's joint that each shows; −1 for a first one that only carries the others.
+    joints: list[int]
+
+    def channels(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]: ...
+    def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion: ...
+
+
 class BoneSpace:
     """The way between the core's arrays and the channels of the character's bones.
 
@@ -38,6 +51,8 @@ class BoneSpace:
         self, character: bpy.types.Object, names: list[str], metres_per_unit: float, matrix_world=None
     ) -> None:
         rest = rest_rotations(character, names)
+        #: The bones that are keyed, the root first, and the core's joint that each shows.
+        self.bones, self.joints = list(names), list(range(len(names)))
         self._rest_root = rest[0]
         self._into = np.array([quaternions.from_matrix(matrix) for matrix in rest])
         self._metres = metres_per_unit
@@ -76,13 +91,15 @@ def write_action(
     start_frame: int,
     metres_per_unit: float = 1.0,
     report: dict | None = None,
+    space: Space | None = None,
 ) -> bpy.types.Action:
     """Writes `motion` into a new action of `character` and has the scene's frame range end no earlier.
 
-    Earlier actions stay in the file: each keeps a fake user. What they moved of the skeleton's bones and this one does
-    not goes back to rest.
+    `space` is the way to the bones of a rig other than Oncue's own skeleton, whose bones `names` are. Earlier actions
+    stay in the file: each keeps a fake user. What they moved of these bones and this one does not goes back to rest.
     """
-    frames, channels = _sampled(context, character, names, motion, start_frame, metres_per_unit)
+    space = space or BoneSpace(character, names, metres_per_unit)
+    frames, channels = _sampled(context, character, space, motion, start_frame)
     _keep_previous(character)
     action = bpy.data.actions.new(name)
     action.use_fake_user = True
@@ -107,12 +124,14 @@ def rewrite_action(
     *,
     start_frame: int,
     metres_per_unit: float = 1.0,
+    space: Space | None = None,
 ) -> None:
     """Writes `motion` over the keys of an action that `write_action` has made for this character.
 
     Raises SceneError for another one.
     """
-    frames, channels = _sampled(context, character, names, motion, start_frame, metres_per_unit)
+    space = space or BoneSpace(character, names, metres_per_unit)
+    frames, channels = _sampled(context, character, space, motion, start_frame)
     curves = {(curve.data_path, curve.array_index): curve for curve in compat.action_curves(action, character)}
     there = [(curves.get((data_path(bone, channel), axis)), values) for (bone, channel, axis), values in channels]
     if any(curve is None for curve, _ in there):
@@ -124,11 +143,11 @@ def rewrite_action(
     _show_frames(context.scene, frames)
 
 
-def _sampled(context, character, names: list[str], motion: Motion, start_frame: int, metres_per_unit: float):
+def _sampled(context, character, space: Space, motion: Motion, start_frame: int):
     """The frames of the scene that a motion takes, and ((bone, channel, axis), values) of each of its curves."""
     sampled = resample(motion, context.scene.render.fps / context.scene.render.fps_base)
     context.view_layer.update()
-    locations, rotations = BoneSpace(character, names, metres_per_unit).channels(sampled)
+    names, (locations, rotations) = space.bones, space.channels(sampled)
     frames = start_frame + np.arange(len(locations), dtype=np.float32)
     channels = [((names[0], LOCATION, axis), locations[:, axis]) for axis in range(3)]
     for joint, bone in enumerate(names):

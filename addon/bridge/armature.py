@@ -10,7 +10,6 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ..errors import SceneError
 from . import mannequin
 from .names import CHARACTER_KEY, oncue_collection
 
@@ -41,36 +40,22 @@ def rest_positions(skeleton: dict) -> np.ndarray:
 
 
 def find_character(scene: bpy.types.Scene, skeleton: dict) -> bpy.types.Object | None:
-    """The armature to reuse: the one the scene names, else the first of the scene that Oncue made.
+    """The armature to reuse: the one the scene names, whatever its bones are, else the first of the scene that Oncue
+    made.
 
-    An armature whose joints were renamed or moved is passed over: keys for it would bend it wrongly. So is one that is
-    linked or that no view layer has, unless the scene names it.
+    Of these one whose joints were renamed or moved is passed over, and so is one that is linked or that no view layer
+    has: nobody asked for it.
     """
     chosen = scene.oncue.character if hasattr(scene, "oncue") else None
-    candidates = [chosen] if chosen else []
+    if chosen is not None and chosen.type == "ARMATURE" and _is_in(scene, chosen):
+        return chosen
     shown = {thing for layer in scene.view_layers for thing in layer.objects}
-    candidates += [
+    candidates = [
         thing
         for thing in scene.objects
         if thing.get(CHARACTER_KEY) and thing.type == "ARMATURE" and thing.is_editable and thing in shown
     ]
-    return next((o for o in candidates if _is_in(scene, o) and misfit(o, skeleton) is None), None)
-
-
-def character_of(scene: bpy.types.Scene, skeleton: dict) -> bpy.types.Object | None:
-    """The armature that a run is to move, or None where one is to be made.
-
-    Raises SceneError where the artist chose one of another skeleton: it is not passed over in silence.
-    """
-    chosen = scene.oncue.character
-    if chosen is not None and _is_in(scene, chosen):
-        said = misfit(chosen, skeleton)
-        if said:
-            raise SceneError(
-                f"{chosen.name} {said}, so a motion would bend it wrongly: clear the Character field in Oncue's "
-                "settings, and a character is made."
-            )
-    return find_character(scene, skeleton)
+    return next((one for one in candidates if misfit(one, skeleton) is None), None)
 
 
 def _is_in(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:

@@ -87,8 +87,8 @@ def bone_motion(scene: bpy.types.Scene, take: ArmatureAction) -> BoneMotion:
     data.use_nla = False
     compat.play(armature, action, take.slot)
     _play_along(armature, action)
-    bones = _bones(armature)
-    parents = _parents(bones)
+    bones = body_bones(armature)
+    parents = parents_among(bones)
     layer = scene.view_layers[0]
     heads, turns = np.empty((last - first + 1, len(bones), 3)), np.empty((last - first + 1, len(bones), 3, 3))
     rest = None
@@ -138,20 +138,21 @@ def _play_along(armature: bpy.types.Object, action: bpy.types.Action) -> None:
         thing = thing.parent
 
 
-def _bones(armature: bpy.types.Object) -> list[bpy.types.Bone]:
+def body_bones(armature: bpy.types.Object, also: set[str] = frozenset()) -> list[bpy.types.Bone]:
     """The bones that carry the body and those in which its limbs meet, or all where few carry anything: the others are
-    the controls of a rig. Parents before children.
+    the controls of a rig. Those named in `also` are among them. Parents before children.
     """
     bones = list(armature.data.bones)
     carrying = {bone.name for bone in bones if bone.use_deform}
     if len(carrying) < FEWEST_BONES:
         return bones
-    leads = carrying | {up.name for bone in bones if bone.use_deform for up in bone.parent_recursive}
+    carrying |= also
+    leads = carrying | {up.name for bone in bones if bone.name in carrying for up in bone.parent_recursive}
     meets = {bone.name for bone in bones if sum(child.name in leads for child in bone.children) > 1}
     return [bone for bone in bones if bone.name in carrying or (bone.name in leads and bone.name in meets)]
 
 
-def _parents(bones: list[bpy.types.Bone]) -> tuple[int, ...]:
+def parents_among(bones: list[bpy.types.Bone]) -> tuple[int, ...]:
     """The nearest bone above each that is among them, −1 for none."""
     index = {bone.name: k for k, bone in enumerate(bones)}
     return tuple(next((index[up.name] for up in bone.parent_recursive if up.name in index), -1) for bone in bones)

@@ -14,9 +14,12 @@ from collections.abc import Iterator
 import bpy
 import numpy as np
 
+from .. import native
 from ..errors import CharacterError, SceneError
-from . import compat
+from . import compat, own_rig
 from .bones import bending_constraints, carriers, driven_bones, keyed_channels, leftovers, unwritten
+from .names import CHARACTER_KEY
+from .puppet import Puppet, is_own_skeleton, puppet_of
 from .scene_time import frame_rate, may_move, moving
 from .what_counts import is_shown, things_of
 
@@ -27,15 +30,15 @@ SCALE_TOLERANCE = 1e-3
 RESET = "or press Reset Character"
 
 
-def check(context: bpy.types.Context, character: bpy.types.Object | None, skeleton: dict) -> None:
-    """Raises SceneError where the scene, CharacterError where the character would not show the motion as it is made.
+def check(context: bpy.types.Context, character: bpy.types.Object | None) -> Puppet:
+    """Who gets the motion. Raises SceneError where the scene, CharacterError where the character would not show the
+    motion as it is made.
 
     `character` is None where one is still to be made. It stays at the current frame: `check_over_time` does not.
     """
     check_scene(context.scene)
     context.view_layer.update()
-    if character is not None:
-        check_character(context, character, skeleton)
+    return puppet_of(None, context.scene) if character is None else check_character(context, character)
 
 
 def check_over_time(context: bpy.types.Context, character: bpy.types.Object | None) -> None:
@@ -54,6 +57,8 @@ def check_over_time(context: bpy.types.Context, character: bpy.types.Object | No
 
 def remarks(context: bpy.types.Context, character: bpy.types.Object | None) -> Iterator[tuple[str, str]]:
     """(object, sentence) of what hinders no run but has the artist see something else than was read or is made."""
+    if character is None:
+        yield from _rigs_that_stay(context)
     if character is not None and not is_shown(character, context.view_layer):
         yield (
             character.name,
@@ -70,6 +75,21 @@ def remarks(context: bpy.types.Context, character: bpy.types.Object | None) -> I
             hidden[0].name,
             f"{hidden[0].name}{more} count, though this view does not show them (local view, local collections or "
             "object types).",
+        )
+
+
+def _rigs_that_stay(context: bpy.types.Context) -> Iterator[tuple[str, str]]:
+    """The people of the scene that nobody chose, where a character is made beside them."""
+    for thing in things_of(context.view_layer):
+        if thing.type != "ARMATURE" or thing.get(CHARACTER_KEY) or not is_shown(thing, context.view_layer):
+            continue
+        try:
+            own_rig.recognized(thing)
+        except native.expected_errors():
+            continue
+        yield (
+            thing.name,
+            f"{thing.name} has a person's bones and stays as it is: choose it as Character (Settings) to have it act.",
         )
 
 
@@ -100,15 +120,35 @@ def check_scene(scene: bpy.types.Scene) -> None:
 # --- the character ----------------------------------------------------------------------------------------------------
 
 
-def check_character(context: bpy.types.Context, character: bpy.types.Object, skeleton: dict) -> None:
-    """Raises SceneError where the character can take no action, CharacterError where it would not play one as made."""
+def check_character(context: bpy.types.Context, character: bpy.types.Object) -> Puppet:
+    """The character with its measure. Raises SceneError where it can take no action, or is a rig of the artist's that
+    would not play one as made; CharacterError where Oncue's own would not, which can be reset."""
     for said in _refusals(context, character):
         raise SceneError(f"{character.name} {said}.")
-    for said in _hindrances(character, list(skeleton["names"])):
-        raise CharacterError(f"{character.name} {said}.")
-    said = scale_fault(character, context.scene.oncue.scene_scale)
-    if said:
-        raise CharacterError(f"{character.name} {said}.")
+    own = is_own_skeleton(character, native.core.skeleton())
+    scale = context.scene.oncue.scene_scale
+    if own:
+        for said in [*_hindrances(character, list(native.core.skeleton()["names"])), scale_fault(character, scale)]:
+            if said:
+                raise CharacterError(f"{character.name} {said}.")
+        return puppet_of(character, context.scene)
+    if said := scale_fault(character, scale, any_size=True):
+        raise SceneError(f"{character.name} {_without_reset(said)}.")
+    puppet = puppet_of(character, context.scene)
+    for bone, constraint in bending_constraints([character.pose.bones[name] for name in puppet.bones]):
+        raise SceneError(
+            f"{character.name} has bones that follow others ({bone.name}, by its constraint {constraint.name}), and "
+            "motion is put on bones that nothing else moves: choose a skeleton without controls as Character, such as "
+            "the metarig of a Rigify rig, or mute the constraint."
+        )
+    for said in _hindrances(character, puppet.bones):
+        raise SceneError(f"{character.name} {_without_reset(said)}.")
+    return puppet
+
+
+def _without_reset(said: str) -> str:
+    """What is said of a rig of the artist's own, which is not Oncue's to reset."""
+    return said.removesuffix(f", {RESET}")
 
 
 def _refusals(context: bpy.types.Context, character: bpy.types.Object) -> Iterator[str]:
@@ -179,8 +219,9 @@ def _animation_hindrances(data: bpy.types.AnimData | None, names: list[str], ove
             yield f"has a driver on {driver.data_path}, which would overrule the motion: mute or delete it, {RESET}"
 
 
-def scale_fault(character: bpy.types.Object, metres_per_unit: float) -> str | None:
-    """What is amiss with the size that the character has in the world: the rest of a sentence, or None."""
+def scale_fault(character: bpy.types.Object, metres_per_unit: float, *, any_size: bool = False) -> str | None:
+    """What is amiss with the size that the character has in the world: the rest of a sentence, or None. With `any_size`
+    it may be of another than Oncue's own has, as long as it is evenly scaled."""
     world = np.array(character.matrix_world, dtype=np.float64)
     if not np.isfinite(world).all():
         return f"stands at a place that is not a number: clear its location, rotation and scale, {RESET}"
@@ -188,13 +229,17 @@ def scale_fault(character: bpy.types.Object, metres_per_unit: float) -> str | No
     wanted = 1.0 / metres_per_unit
     back = (
         f"set its scale to {wanted:g}" + (", and that of its parents to 1" if character.parent else "") + f", {RESET}"
+        if not any_size
+        else "give it, and its parents, the same scale along all three axes"
     )
     if np.linalg.det(matrix) < 0.0:
         return f"is mirrored, and a mirrored person has its sides exchanged: {back}"
     sizes = np.linalg.norm(matrix, axis=0)
     square = matrix.T @ matrix - np.diag(sizes**2)
-    if np.ptp(sizes) > SCALE_TOLERANCE or np.abs(square).max() > SCALE_TOLERANCE:
+    # Of a rig that is scaled by 0.01 a thousandth is as much as of one in metres.
+    whole = max(float(sizes.mean()), 1e-12) if any_size else 1.0
+    if np.ptp(sizes) > SCALE_TOLERANCE * whole or np.abs(square).max() > SCALE_TOLERANCE * whole**2:
         return f"is scaled unevenly ({', '.join(f'{size:.3g}' for size in sizes)}): {back}"
-    if abs(sizes.mean() - 1.0) > SCALE_TOLERANCE:
+    if not any_size and abs(sizes.mean() - 1.0) > SCALE_TOLERANCE:
         return f"is scaled to {sizes.mean():.3g} of a person's size, for which the motion is made: {back}"
     return None

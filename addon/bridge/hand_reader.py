@@ -27,9 +27,12 @@ HAND = {"left_hand": "left", "right_hand": "right", "both_hands": "both"}
 LONGEST = 120.0
 
 
-def read_manipulations(context: bpy.types.Context, start_frame: int, metres_per_unit: float = 1.0) -> list[dict]:
+def read_manipulations(
+    context: bpy.types.Context, start_frame: int, metres_per_unit: float = 1.0, rate: float | None = None
+) -> list[dict]:
     """One entry a visible hand cue: its name, the hand, the first core frame (30 Hz from `start_frame` on) and the
-    path from there: a point a frame, world, metres.
+    path from there: a point a frame, world, metres. `rate`: the scene's frames in a second of the core's, where that
+    is another than the scene's own.
 
     Goes through the frames and comes back to the current one. Raises SceneError naming the cue whose range or place
     is amiss.
@@ -38,9 +41,10 @@ def read_manipulations(context: bpy.types.Context, start_frame: int, metres_per_
     if not cues:
         return []
     scene = context.scene
-    spans = {cue.name: core_frames(scene, cue, start_frame) for cue in cues}
+    rate = frame_rate(scene) if rate is None else rate
+    spans = {cue.name: core_frames(scene, cue, start_frame, rate) for cue in cues}
     paths: dict[str, list] = {cue.name: [] for cue in cues}
-    per_frame = frame_rate(scene) / CORE_RATE
+    per_frame = rate / CORE_RATE
     with current_frame_kept(scene):
         for core_frame in sorted({frame for span in spans.values() for frame in span}):
             show(scene, start_frame + core_frame * per_frame)
@@ -60,7 +64,7 @@ def read_manipulations(context: bpy.types.Context, start_frame: int, metres_per_
     return manipulations
 
 
-def core_frames(scene: bpy.types.Scene, cue: bpy.types.Object, start_frame: int) -> range:
+def core_frames(scene: bpy.types.Scene, cue: bpy.types.Object, start_frame: int, rate: float | None = None) -> range:
     """The frames of the core that a hand cue's range needs: between them lies every frame of the range.
 
     Where the rates do not divide, a frame of the scene is between two of the core's: the hand is on its path at both.
@@ -75,7 +79,7 @@ def core_frames(scene: bpy.types.Scene, cue: bpy.types.Object, start_frame: int)
         raise SceneError(
             f"{cue.name} begins at frame {first:g}, before the motion's first frame {start_frame}: move its range."
         )
-    rate = frame_rate(scene)
+    rate = frame_rate(scene) if rate is None else rate
     if last - first > LONGEST * rate:
         raise SceneError(f"{cue.name} lasts {(last - first) / rate:.0f} s, more than {LONGEST:.0f}: shorten its range.")
     from_core, to_core = ((frame - start_frame) * CORE_RATE / rate for frame in (first, last))

@@ -39,7 +39,11 @@ class LiveTake:
         if report is None:
             raise SceneError("There is no motion to begin with: press Synthesize first.")
         # What an earlier following left, and nobody has changed, is gone on with.
-        file_state.check(context, scene.oncue.character, native.core.skeleton())
+        if file_state.check(context, scene.oncue.character).rig is not None:
+            raise SceneError(
+                f"Follow Cues moves Oncue's own character, and {scene.oncue.character.name} is a rig of yours: press "
+                "Synthesize, or clear the Character field in Oncue's settings."
+            )
         file_state.check_over_time(context, scene.oncue.character)
         compat.play_slot(scene.oncue.character)
         action = played if LIVE_KEY in played and _is_untouched(scene, played) else _copy(scene, played, report)
@@ -75,7 +79,7 @@ class LiveTake:
         motion = Motion(
             np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate)
         )
-        file_state.check_character(context, character, native.core.skeleton())
+        file_state.check_character(context, character)
         placed = {"start_frame": request.start_frame, "metres_per_unit": settings.scene_scale}
         rewrite_action(context, character, action, names, motion, **placed)
         if character.animation_data.action != action:  # a full run came between

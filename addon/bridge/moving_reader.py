@@ -40,17 +40,22 @@ Notes = list[tuple[str, str]]
 
 
 def read_moving(
-    context: bpy.types.Context, meshes: SceneMeshes, start_frame: int, metres_per_unit: float
+    context: bpy.types.Context,
+    meshes: SceneMeshes,
+    start_frame: int,
+    metres_per_unit: float,
+    rate: float | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[Thing, ...], Notes]:
     """The scene's positions, triangles and their owners without what moves, what moves, and (object, sentence) of what
-    changes in a way that cannot be followed and was read as it stands on one frame.
+    changes in a way that cannot be followed and was read as it stands on one frame. `rate`: the scene's frames in a
+    second of the core's, where that is another than the scene's own.
 
     Goes through the frames and comes back to the current one.
     """
     if not meshes.movable:
         return meshes.positions, meshes.triangles, meshes.owners, (), []
     positions = meshes.positions.copy()
-    places, deformable = _look(context, meshes, start_frame, metres_per_unit)
+    places, deformable = _look(context, meshes, start_frame, metres_per_unit, rate or frame_rate(context.scene))
     moving, gone, notes = [], [], []
     for thing, matrices, mesh in zip(meshes.movable, places, deformable, strict=True):
         part = slice(thing.first_vertex, thing.end_vertex)
@@ -220,13 +225,13 @@ def _triangles(meshes: SceneMeshes, thing: Movable) -> np.ndarray:
 
 
 def _look(
-    context: bpy.types.Context, meshes: SceneMeshes, start_frame: int, metres_per_unit: float
+    context: bpy.types.Context, meshes: SceneMeshes, start_frame: int, metres_per_unit: float, rate: float
 ) -> tuple[np.ndarray, list[_Deformable | None]]:
     """The world matrix of each thing on each frame of the core, (things, frames, 4, 4), NaN where it is not there; and
     what was seen of those that may deform."""
     scene, things = context.scene, meshes.movable
-    per_frame = frame_rate(scene) / CORE_RATE
-    seconds = min(max(scene.frame_end - start_frame, 0) / frame_rate(scene) + BEYOND, LONGEST)
+    per_frame = rate / CORE_RATE
+    seconds = min(max(scene.frame_end - start_frame, 0) / rate + BEYOND, LONGEST)
     frames = int(seconds * CORE_RATE) + 1
     index = {thing.key: k for k, thing in enumerate(things)}
     deformable = [

@@ -15,18 +15,20 @@ import bpy
 import numpy as np
 
 from .. import native
+from ..body_size import clock, report_in_scene, scaled, sentence_in_scene
 from ..errors import SceneError
 from ..motion import Motion
 from ..moving import meeting_sentences
 from ..pipeline import EditOutcome, EditRequest, LibraryChoice, Outcome, Request, cues_of, hands_of, moments_of
 from ..scene_frames import CORE_RATE, in_scene_frames
-from . import armature, character_reset, compat, file_state, pins
+from . import armature, character_reset, compat, file_state, own_rig, own_seats, pins
 from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
 from .cue_reader import at_first_frame, hold_seconds, read_task
 from .hand_reader import core_frames, read_manipulations
 from .moving_reader import read_moving, taken_as_it_stands
 from .names import CHARACTER_KEY, LIVE_KEY, REPORT_KEY
+from .puppet import is_own_skeleton, puppet_of
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
 from .second_blender import second_blender
@@ -40,6 +42,8 @@ ON_SURFACE = 0.003
 UNDER_PELVIS = 0.35
 #: A cue that has moved or turned by less is where it was, metres and radians.
 SAME_PLACE = 1e-3
+#: A body is of the same size, in sizes of the core's.
+SAME_SIZE = 1e-4
 
 
 def library_choice(scene: bpy.types.Scene) -> LibraryChoice:
@@ -77,9 +81,9 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     changes nothing.
     """
     native.require()
-    settings, skeleton = context.scene.oncue, native.core.skeleton()
-    character = armature.character_of(context.scene, skeleton)
-    file_state.check(context, character, skeleton)
+    settings = context.scene.oncue
+    character = armature.find_character(context.scene, native.core.skeleton())
+    puppet = file_state.check(context, character)
     task, notes, manipulations, moving = read_task(context, settings.scene_scale), [], [], ()
     if not hands:
         _one_cue(task)
@@ -87,7 +91,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     meshes = read_scene(
         context,
         exclude=settings.exclude,
-        metres_per_unit=settings.scene_scale,
+        metres_per_unit=puppet.metres_per_unit,
         scale_confirmed=settings.scale_confirmed,
     )
     positions, triangles, owners = meshes.positions, meshes.triangles, meshes.owners
@@ -95,9 +99,10 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     if hands:
         file_state.check_over_time(context, character)
         task, notes = at_first_frame(context, task, settings.start_frame, settings.scene_scale)
-        manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale)
+        rate = puppet.frame_rate(context.scene)
+        manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale, rate)
         positions, triangles, owners, moving, said = read_moving(
-            context, meshes, settings.start_frame, settings.scene_scale
+            context, meshes, settings.start_frame, puppet.metres_per_unit, rate
         )
         notes = [*notes, *said]
     else:
@@ -110,21 +115,22 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         )
     if manipulations:
         task["manipulations"] = manipulations
-    overrides = wishes_of(context)
     request = Request(
         positions,
         triangles,
-        task,
+        own_seats.for_body(context, task, puppet),
         library,
         settings.preset,
         settings.seed,
-        overrides,
+        wishes_of(context, puppet.size),
         manifold_path(context.scene),
         settings.start_frame,
-        frame_rate(context.scene),
+        puppet.frame_rate(context.scene),
         moving,
         owners,
         tuple(meshes.names),
+        puppet.size,
+        task,
     )
     return request, [*meshes.skipped, *notes, *file_state.remarks(context, character)]
 
@@ -133,15 +139,17 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
     """A request with the cues and settings as they are now, hands aside, and its scene as it was. Raises SceneError."""
     settings = context.scene.oncue
     file_state.check_scene(context.scene)
-    task, overrides = _one_cue(read_task(context, settings.scene_scale)), wishes_of(context)
+    puppet = puppet_of(settings.character, context.scene)
+    task = _one_cue(read_task(context, settings.scene_scale))
     return replace(
         request,
-        task=task,
+        task=own_seats.for_body(context, task, puppet),
         preset=settings.preset,
         seed=settings.seed,
-        overrides=overrides,
+        overrides=wishes_of(context, puppet.size),
         start_frame=settings.start_frame,
-        scene_rate=frame_rate(context.scene),
+        scene_rate=puppet.frame_rate(context.scene),
+        asked=task,
     )
 
 
@@ -161,7 +169,7 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple
     """
     core, settings = native.core, context.scene.oncue
     action = pins.editable_action_of(settings.character)
-    file_state.check(context, settings.character, core.skeleton())
+    puppet = file_state.check(context, settings.character)
     # A renamed character plays nothing of a take that is chosen anew until it is told which slot is its own.
     compat.play_slot(settings.character)
     take = Take(context.scene, settings.character, action, core.skeleton())
@@ -179,20 +187,22 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple
         overrides=overrides_of(settings),
         manifold=manifold_path(context.scene),
         start_frame=take.solved.start_frame,
-        scene_rate=take.solved.scene_rate,
+        scene_rate=puppet.frame_rate(context.scene),
+        size=puppet.size,
         task=task,
         moments=moments,
         library=library,
         library_checksum=library_checksum,
     )
     try:
-        meshes = read_scene(context, exclude=settings.exclude, metres_per_unit=settings.scene_scale)
+        meshes = read_scene(context, exclude=settings.exclude, metres_per_unit=puppet.metres_per_unit)
     except SceneError:  # an edit needs nothing to walk on
         meshes = None
     file_state.check_over_time(context, settings.character)
     if meshes is None:
         return request, take, []
-    read = read_moving(context, meshes, take.solved.start_frame, settings.scene_scale)
+    rate = puppet.frame_rate(context.scene)
+    read = read_moving(context, meshes, take.solved.start_frame, puppet.metres_per_unit, rate)
     positions, triangles, owners, moving, said = read
     seen = {"positions": positions, "triangles": triangles, "owners": owners, "names": tuple(meshes.names)}
     return replace(request, **seen, moving=moving), take, [*meshes.skipped, *said]
@@ -201,7 +211,9 @@ def read_edit(context: bpy.types.Context) -> tuple[EditRequest, Take, list[tuple
 def _made_for(report: dict) -> tuple[dict | None, list[dict]]:
     """What the motion of a report was asked for, and when what happens in it."""
     try:
-        task, moments = report["task"], moments_of({"action_from": None, **report})
+        # What the core was asked for is in the measure of its body.
+        body = report.get("extension", {}).get("body")
+        task, moments = body["task"] if body else report["task"], moments_of({"action_from": None, **report})
         return task, [{name: None if at is None else int(at) for name, at in one.items()} for one in moments]
     except (LookupError, TypeError, ValueError, AttributeError):
         return None, []
@@ -225,11 +237,13 @@ def scene_of(session_uid: int) -> bpy.types.Scene | None:
 
 
 def reset_character(context: bpy.types.Context) -> None:
-    """Resets the scene's character. Raises SceneError where it has another skeleton or cannot be edited."""
+    """Resets the scene's character. Raises SceneError where it is the artist's own or cannot be edited."""
     skeleton = native.core.skeleton()
-    character = armature.character_of(context.scene, skeleton)
+    character = armature.find_character(context.scene, skeleton)
     if character is None:
         raise SceneError("The scene has no character yet: Synthesize makes one.")
+    if not is_own_skeleton(character, skeleton):
+        raise SceneError(f"{character.name} is a rig of your own, which Oncue does not reset.")
     if not character.is_editable:
         raise SceneError(f"{character.name} is linked and cannot be changed: make a library override of it.")
     character_reset.reset_character(context, character, skeleton)
@@ -237,7 +251,8 @@ def reset_character(context: bpy.types.Context) -> None:
 
 def floor_of(report: dict, motion: Motion, skeleton: dict) -> float:
     """The floor that a take's person started on, world, metres."""
-    start = report.get("task", {}).get("start")
+    body = report.get("extension", {}).get("body")
+    start = (body["task"] if body else report.get("task", {})).get("start")
     return float(start["position"][2] if start else motion.root_positions[0, 2] - skeleton["rest_hips_height"])
 
 
@@ -259,7 +274,7 @@ def write_edit(
     now = Take(context.scene, settings.character, action, native.core.skeleton())
     if not now.is_as(take):
         raise SceneError("The keys were changed while it was solving: press Re-solve again.")
-    motion = Motion(np.asarray(edited.root_positions), np.asarray(edited.rotations), take.solved.motion.frame_rate)
+    motion = motion_of(edited, request.size)
     with kept_if_it_fails(action):
         touched = now.write(motion, np.asarray(edited.contacts))
         report = report_of(action)
@@ -270,14 +285,14 @@ def write_edit(
 
 def edited_report(report: dict, request: EditRequest, outcome: EditOutcome, skipped: list[tuple[str, str]]) -> dict:
     """A report with what is true of the motion after an edit."""
-    report = {**report, "artist": outcome.edited.figures}
+    report = {**report, "artist": scaled(outcome.edited.figures, request.size)}
     if outcome.measured is None:
         return report
     seen = {name: value for name, value in outcome.measured.items() if value is not None}
     kept = {name: value for name, value in report.items() if name not in outcome.measured}
     extension = {**report.get("extension", {}), "skipped_objects": _skipped(skipped)}
     told = _told({**seen, "extension": extension}, request, outcome.passing, request.start_frame)
-    return {**kept, **seen, **told}
+    return {**kept, **report_in_scene(seen, request.size), **told}
 
 
 def what_is_seen(context: bpy.types.Context) -> object:
@@ -300,7 +315,7 @@ def still_hindered(context: bpy.types.Context, words: str) -> bool:
     character = context.scene.oncue.character
     try:
         if character is not None:
-            file_state.check_character(context, character, native.core.skeleton())
+            file_state.check_character(context, character)
     except (SceneError, LookupError) as error:
         return str(error) == words
     return False
@@ -315,12 +330,13 @@ def overrides_of(settings) -> dict:
     return overrides
 
 
-def wishes_of(context: bpy.types.Context) -> dict:
-    """The same with how long the cue asks the person to stay; what is written comes before it. Raises SceneError."""
+def wishes_of(context: bpy.types.Context, size: float) -> dict:
+    """The same with how long the cue asks a person, `size` times as large as the core's body, to stay; what is written
+    comes before it. Raises SceneError."""
     overrides, seconds = overrides_of(context.scene.oncue), hold_seconds(context)
     synthesizer = overrides.get("synthesizer", {})
     if seconds is not None and isinstance(synthesizer, dict):
-        overrides["synthesizer"] = {"hold_seconds": seconds, **synthesizer}
+        overrides["synthesizer"] = {"hold_seconds": seconds / clock(size), **synthesizer}
     return overrides
 
 
@@ -352,32 +368,48 @@ def write_outcome(
         native.core.skeleton(),
         outcome.synthesis,
     )
-    character, names = armature.character_of(scene, skeleton), list(skeleton["names"])
+    character = armature.find_character(scene, skeleton)
     # The artist may have changed it since the run began.
-    file_state.check(context, character, skeleton)
-    motion = Motion(np.asarray(synthesis.root_positions), np.asarray(synthesis.rotations), float(synthesis.frame_rate))
+    puppet = file_state.check(context, character)
+    if abs(puppet.size - request.size) > SAME_SIZE:
+        raise SceneError(
+            f"{character.name if character else 'The character'} is of another size than when the run began: "
+            "synthesize again."
+        )
+    motion = motion_of(synthesis, request.size)
     # Who waits at the start stands there as the motion begins.
     begins = outcome.begins(request)
-    placed = {"start_frame": begins, "metres_per_unit": settings.scene_scale}
+    placed = {"start_frame": begins, "metres_per_unit": puppet.metres_per_unit}
     with all_or_nothing(context):
         if character is None:
             character = armature.make_character(context, skeleton, settings.scene_scale)
-        elif character.get(CHARACTER_KEY):
+            puppet = replace(puppet, character=character)
+        elif puppet.rig is None and character.get(CHARACTER_KEY):
             armature.give_skin(context, character, skeleton)
         settings.character = character
+        context.view_layer.update()
+        space = puppet.space(holds=own_rig.holds_of(request.task, request.size))
         action = write_action(
             context,
             character,
-            names,
+            puppet.bones,
             motion,
             name=f"{title_of(request)} seed {request.seed}",
             report=full_report(request, outcome, skipped),
+            space=space,
             **placed,
         )
         mark_cues(action, report_of(action), request.scene_rate)
         contacts = np.asarray(synthesis.contacts)
-        keep_solved(action, solved_take(scene, character, names, motion, contacts, **placed))
+        if puppet.rig is None:
+            keep_solved(action, solved_take(scene, character, puppet.bones, motion, contacts, **placed))
     return action
+
+
+def motion_of(made: object, size: float) -> Motion:
+    """What the core gave, a synthesis or an edited motion, by the clock of a body of this size."""
+    rate = float(getattr(made, "frame_rate", CORE_RATE)) / clock(size)
+    return Motion(np.asarray(made.root_positions), np.asarray(made.rotations), rate)
 
 
 def cue_frames(report: dict, scene_rate: float) -> dict[str, int]:
@@ -416,8 +448,11 @@ def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str
         ],
         "seconds": outcome.seconds,
     }
+    if request.size != 1.0:
+        extension["body"] = {"size": request.size, "task": request.task}
     told = _told({**report, "extension": extension}, request, outcome.passing, begins)
-    return {**report, "task": request.task, **told}
+    asked = request.task if request.asked is None else request.asked
+    return {**report_in_scene(report, request.size), "task": asked, **told}
 
 
 def _skipped(skipped: list[tuple[str, str]]) -> list[dict]:
@@ -425,19 +460,19 @@ def _skipped(skipped: list[tuple[str, str]]) -> list[dict]:
 
 
 def _told(report: dict, request: Request | EditRequest, passing: dict, begins: int) -> dict:
-    """What of a report names the scene's objects and frames, with what moves in it."""
+    """What of a report of the core names the scene's objects, metres and frames, with what moves in it."""
     named = with_objects(report["problems"], request, report)
     told = [in_scene_frames(problem, begins, request.scene_rate) for problem in named]
     meetings = meeting_sentences(passing["meetings"], begins, request.scene_rate)
-    problems = [*meetings, *told]
+    problems = [sentence_in_scene(problem, request.size) for problem in [*meetings, *told]]
     objects = list(dict.fromkeys(thing.name for thing in request.moving))
     return {
         "success": not problems,
         "problems": problems,
         "extension": {
             **report["extension"],
-            "deepest": deepest_touch(request, report, passing, begins),
-            "moving": {"objects": objects, **passing},
+            "deepest": scaled(deepest_touch(request, report, passing, begins), request.size),
+            "moving": {"objects": objects, **scaled(passing, request.size)},
         },
     }
 
@@ -530,9 +565,16 @@ def frames_of_cues(context: bpy.types.Context) -> dict[str, int]:
     """On which frame each cue is met in the performance that the character plays, by name; none for another one."""
     report = current_report(context.scene)
     try:
-        return cue_frames(report, frame_rate(context.scene)) if report and belongs_to_cues(context, report) else {}
+        if not report or not belongs_to_cues(context, report):
+            return {}
+        return cue_frames(report, frame_rate(context.scene) * clock(body_size_of(report)))
     except (LookupError, TypeError, ValueError, AttributeError):
         return {}
+
+
+def body_size_of(report: dict) -> float:
+    """How many times as large as the core's the body was for which a report was made."""
+    return float((report.get("extension", {}).get("body") or {}).get("size", 1.0))
 
 
 def current_report(scene: bpy.types.Scene) -> dict | None:
@@ -575,7 +617,7 @@ def _are_same_hands(context: bpy.types.Context, report: dict) -> bool:
     for cue in cues:
         path, first = made_for[cue.name]["path"], made_for[cue.name]["first_frame"]
         try:
-            frames = core_frames(scene, cue, begins)
+            frames = core_frames(scene, cue, begins, frame_rate(scene) * clock(body_size_of(report)))
         except SceneError:
             return False
         if (frames.start, len(frames)) != (first, len(path)):

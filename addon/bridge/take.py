@@ -21,6 +21,7 @@ from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
 from .action_writer import LOCATION, ROTATION, BoneSpace, data_path
+from .armature import misfit
 from .names import SOLVED_KEY
 from .pins import Pin, read_pins, write_pins
 from .scene_time import frame_rate
@@ -141,6 +142,11 @@ class Take:
     """An action of the character as it is now, beside what was written. Raises SceneError where they do not fit."""
 
     def __init__(self, scene: bpy.types.Scene, character: bpy.types.Object, action: bpy.types.Action, skeleton: dict):
+        if misfit(character, skeleton) is not None:
+            raise SceneError(
+                f"{character.name} is a rig of your own, and Re-solve works on Oncue's character alone: edit the keys "
+                "as you do those of any take."
+            )
         self.action, self.skeleton, self._character = action, skeleton, character
         self.names = list(skeleton["names"])
         self.solved = solved_of(action)

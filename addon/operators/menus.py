@@ -41,7 +41,7 @@ class ONCUE_MT_motion(bpy.types.Menu):
         layout.operator("oncue.pin", text="Pin over Frames").over_range = True
         layout.operator("oncue.remove_pins")
         layout.separator()
-        for name in ("toggle_exclude", "reset_character"):
+        for name in ("toggle_exclude", "reset_character", "save_bones", "load_bones"):
             layout.operator(f"oncue.{name}")
         layout.operator("oncue.add_library", text="Add Motion Capture Files")
         layout.operator("oncue.add_library", text="Add Motion Capture Folder").folder = True

@@ -1,7 +1,7 @@
 """Types of the compiled module; import from `oncue_core`."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from types import GenericAlias
 from typing import Any, Generic, Literal, TypeVar, final
 
@@ -29,6 +29,7 @@ from .types import (
     PolicyOrigin,
     ProgressSnapshot,
     Report,
+    RigMapping,
     Robustness,
     Settings,
     Skeleton,
@@ -55,6 +56,7 @@ __all__ = [
     "edit_motion",
     "fit_seat",
     "index_scene",
+    "map_rig",
     "measure_motion",
     "measure_performance",
     "motion_figures",
@@ -522,3 +524,16 @@ def cue_types() -> list[str]:
     """The action types that a cue may ask for, as `ActionCue` names them."""
 
 def skeleton() -> Skeleton: ...
+def map_rig(
+    names: Sequence[str],
+    parents: Sequence[int],
+    heads: Sequence[Point],
+    tails: Sequence[Point],
+    mapping: Mapping[str, str] = ...,
+) -> RigMapping:
+    """Which bones of a rig are which joints of the unified skeleton, seen at rest: by names, else by shape.
+
+    `parents`: each bone's parent by its place in the list, before it; -1 for none. `heads`, `tails`: where each begins
+    and ends, metres, +Z up. `mapping` (ours -> theirs) goes before what is found. InputError with the rest of a
+    sentence that begins with the rig's name, where no person is made so or a needed joint is not found.
+    """

@@ -450,6 +450,18 @@ class Skeleton(TypedDict):
     heel_length: float
 
 
+class RigMapping(TypedDict):
+    """Which bone of a rig is which joint (`joints`: ours -> theirs), and all bones from the hips to the chest.
+
+    `shape_percent`: how sure the rig's shape is, where its names said nothing. `note`: what was put right.
+    """
+
+    joints: dict[str, str]
+    spine: list[str]
+    shape_percent: int | None
+    note: str | None
+
+
 class SummaryRow(TypedDict):
     """Seconds of one action ("walk", "idle", "sit", "seated_idle", "stand_up", "stop", "other").
 

@@ -34,6 +34,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<scene::SceneIndex>()?;
     module.add_class::<synthesis::Synthesis>()?;
     module.add_function(wrap_pyfunction!(skeleton::skeleton, module)?)?;
+    module.add_function(wrap_pyfunction!(skeleton::map_rig, module)?)?;
     module.add_function(wrap_pyfunction!(editor::edit_motion, module)?)?;
     module.add_function(wrap_pyfunction!(editor::fit_seat, module)?)?;
     module.add_function(wrap_pyfunction!(editor::motion_figures, module)?)?;

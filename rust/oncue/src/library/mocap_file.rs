@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::{Quat, Vec3};
 
 use super::mocap_text::{self, Channel, MocapText};
+use super::rest_skeleton::RestBone;
 use crate::error::{Error, Result};
 
 /// Larger files are refused before they are read.
@@ -106,6 +107,23 @@ impl From<MocapText> for MocapFile {
 }
 
 impl MocapFile {
+    /// One frame of a skeleton at rest, its bones as joints: parents before children, metres, +Z up.
+    pub(crate) fn at_rest(bones: &[RestBone]) -> Self {
+        let joints = bones
+            .iter()
+            .map(|bone| MocapJoint {
+                name: bone.name.clone(),
+                parent: bone.parent,
+                offset: bone.head - bone.parent.map_or(Vec3::ZERO, |parent| bones[parent].head),
+                end_site: Some(bone.tail - bone.head),
+                position: [None; 3],
+                rotation: Vec::new(),
+                position_used: false,
+            })
+            .collect();
+        Self { joints, frame_rate: 1.0, channel_count: 1, values: vec![0.0] }
+    }
+
     pub fn frame_count(&self) -> usize {
         self.values.len() / self.channel_count
     }

@@ -10,6 +10,8 @@ use crate::library::mocap_file::{MocapFile, MocapPose};
 const IN_LINE: f32 = 0.35;
 /// … and makes up at least this share of the way to the knee.
 const HALF: f32 = 0.25;
+/// A joint that is this much nearer to its parent than that to its own begins where its parent does.
+const NO_BONE: f32 = 0.02;
 
 pub(super) struct Names<'a> {
     pub file: &'a MocapFile,
@@ -118,7 +120,15 @@ pub(super) fn neck_and_head(file: &MocapFile, chest: usize, arms: [usize; 2]) ->
             let mut below = children(j);
             below.next().filter(|_| below.next().is_none())
         };
-        std::iter::successors(Some(joint), only).collect::<Vec<usize>>()
+        let mut line = std::iter::successors(Some(joint), only).collect::<Vec<usize>>();
+        // What begins where its parent does is no further part of the neck but something in the head, a face.
+        let length = |j: usize| file.joints[j].offset.length();
+        while let [.., before, last] = line[..]
+            && length(last) <= NO_BONE * length(before)
+        {
+            line.pop();
+        }
+        line
     };
     let carries = |joint: usize| arms.iter().any(|&arm| ancestors(file, arm).any(|j| j == joint));
     let longest =

@@ -89,7 +89,8 @@ const NEEDED: [Joint; 10] = [
 ];
 
 /// What one can do about a skeleton that is not understood.
-const REMEDY: &str = "A mapping file can name them: NAME.oncue.json beside NAME.bvh, see docs/captures.md.";
+pub(crate) const REMEDY: &str =
+    "A mapping file can name them: NAME.oncue.json beside NAME.bvh, see docs/captures.md.";
 
 /// Finds our joints in a file.
 ///

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An armature of any humanoid as a `rig.Rig`: its bones at rest, which of them are which joints, and its soles."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import bpy
+import numpy as np
+
+from .. import native
+from ..body_size import clock
+from ..errors import SceneError
+from ..motion import Motion
+from ..rig import LARGEST, SIDES, SMALLEST, Hold, RestRig, Rig, Sole
+from .armature_motion import body_bones, parents_among
+from .names import MAPPING_KEY
+
+#: A corner belongs to a foot where so much of it does.
+OF_A_FOOT = 0.5
+#: Height of the core's hip joints over its soles, metres.
+HIPS = 0.973
+#: Fewer corners are no foot.
+FEWEST_CORNERS = 6
+
+
+def mapping_of(character: bpy.types.Object) -> dict[str, str]:
+    """The bones that the artist has named for joints: joint → bone. Raises SceneError for what is no such mapping."""
+    text = character.get(MAPPING_KEY)
+    try:
+        mapping = json.loads(text) if text else {}
+    except (TypeError, ValueError):
+        mapping = None
+    if not isinstance(mapping, dict) or not all(isinstance(one, str) for pair in mapping.items() for one in pair):
+        raise SceneError(f"{character.name} has bones named for it that cannot be read: choose them again.")
+    return {joint: bone for joint, bone in mapping.items() if bone}
+
+
+def keep_mapping(character: bpy.types.Object, mapping: dict[str, str]) -> None:
+    """Keeps on the armature which bones the artist has named."""
+    if mapping:
+        character[MAPPING_KEY] = json.dumps(mapping)
+    elif MAPPING_KEY in character:
+        del character[MAPPING_KEY]
+
+
+def recognized(character: bpy.types.Object, mapping: dict[str, str] | None = None) -> dict:
+    """Which bones of an armature are which joints, as `oncue_core.map_rig` gives it. Raises SceneError."""
+    mapping = mapping_of(character) if mapping is None else mapping
+    for joint, name in mapping.items():
+        if name not in character.data.bones:
+            raise SceneError(f"{character.name} has no bone {name}, which is named for {joint}: choose another.")
+    bones = body_bones(character, also=set(mapping.values()))
+    world = np.array(character.matrix_world, dtype=np.float64)
+    scale = np.cbrt(abs(np.linalg.det(world[:3, :3]))) or 1.0
+    turn = world[:3, :3] / scale if np.isfinite(world).all() else np.eye(3)
+
+    def places(points: list) -> list:
+        return [tuple(float(c) for c in turn @ np.array(point)) for point in points]
+
+    try:
+        return native.core.map_rig(
+            [bone.name for bone in bones],
+            list(parents_among(bones)),
+            places([bone.head_local for bone in bones]),
+            places([bone.tail_local for bone in bones]),
+            mapping,
+        )
+    except native.core.InputError as error:
+        raise SceneError(f"{character.name} was not recognised as a person: {error}") from error
+
+
+def rig_of(character: bpy.types.Object, skeleton: dict) -> Rig:
+    """The rig of an armature. Raises SceneError naming what keeps motion from being put on it."""
+    mapping = recognized(character)
+    rest = _rest_of(character)
+    plain = Rig(character.name, rest, mapping, skeleton)
+    soles = {side: sole for side in SIDES if (sole := _sole(character, plain, mapping, side)) is not None}
+    return Rig(character.name, rest, mapping, skeleton, soles) if soles else plain
+
+
+def size_of(character: bpy.types.Object, rig: Rig, metres_per_unit: float) -> float:
+    """How many times as large as the core's body it is. Raises SceneError where nobody is that large or small."""
+    scale = float(np.cbrt(np.linalg.det(np.array(character.matrix_world, dtype=np.float64)[:3, :3])))
+    size = rig.unit * scale * metres_per_unit
+    if not SMALLEST <= size <= LARGEST:
+        raise SceneError(
+            f"{character.name} has its hips {size * HIPS:.2f} m over its soles, as nobody has: set its scale, or the "
+            f"Scene Scale in Oncue's settings, so that they are {SMALLEST * HIPS:.2f} to {LARGEST * HIPS:.2f} m."
+        )
+    return size
+
+
+class RigSpace:
+    """The way between the core's motion and a rig's channels, as `BoneSpace` is for the core's own skeleton."""
+
+    def __init__(
+        self,
+        character: bpy.types.Object,
+        rig: Rig,
+        metres_per_unit: float,
+        matrix_world=None,
+        holds: tuple[Hold, ...] = (),
+    ) -> None:
+        """`metres_per_unit`: of the core, so that the rig is as large as its body."""
+        self.bones, self.joints = rig.bones, rig.joints
+        self._rig, self._metres, self._holds = rig, metres_per_unit, holds
+        world = character.matrix_world if matrix_world is None else matrix_world
+        self._to_world = np.array(world, dtype=np.float64)
+
+    def channels(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        """A motion as locations of the first bone (frames, 3) and quaternions (frames, bones, 4)."""
+        return self._rig.channels(motion, self._to_world, self._metres, self._holds)
+
+    def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion:
+        """The inverse of `channels`, but for the proportions."""
+        return self._rig.motion(locations, rotations, frame_rate, self._to_world, self._metres)
+
+
+def holds_of(task: dict | None, size: float) -> tuple[Hold, ...]:
+    """When which hand holds something, seconds of the scene from the motion's begin; of a task as the core has it."""
+    found = []
+    for hand in (task or {}).get("manipulations") or []:
+        first = hand.get("first_frame")
+        if first is not None:
+            begin = first / 30.0 * clock(size)
+            found.append((hand["hand"], begin, begin + (len(hand["path"]) - 1) / 30.0 * clock(size)))
+    return tuple(found)
+
+
+def _rest_of(character: bpy.types.Object) -> RestRig:
+    bones = list(character.data.bones)
+    index = {bone.name: k for k, bone in enumerate(bones)}
+    matrices = np.array([bone.matrix_local for bone in bones], dtype=np.float64).reshape(-1, 4, 4)
+    return RestRig(
+        tuple(bone.name for bone in bones),
+        tuple(index[bone.parent.name] if bone.parent else -1 for bone in bones),
+        matrices,
+        np.array([bone.tail_local for bone in bones], dtype=np.float64).reshape(-1, 3),
+        tuple(bone.use_connect and bone.parent is not None for bone in bones),
+    )
+
+
+def _sole(character: bpy.types.Object, rig: Rig, mapping: dict, side: str) -> Sole | None:
+    """The sole of a foot as the meshes on the rig show it at rest; None where they do not."""
+    named = {mapping["joints"].get(f"{side}{part}") for part in ("Foot", "Toe")} - {None}
+    of_foot = {
+        bone.name
+        for bone in character.data.bones
+        if bone.name in named or any(up.name in named for up in bone.parent_recursive)
+    }
+    corners = [places for mesh in skins(character) for places in _corners(character, mesh, of_foot)]
+    if not corners:
+        return None
+    seen = np.concatenate(corners) @ rig.axes
+    if len(seen) < FEWEST_CORNERS or not np.isfinite(seen).all():
+        return None
+    return Sole(float(seen[:, 2].min()), float(seen[:, 1].max()), float(seen[:, 1].min()))
+
+
+def skins(character: bpy.types.Object) -> Iterator[bpy.types.Object]:
+    """The meshes that an armature deforms."""
+    for thing in bpy.data.objects:
+        if thing.type == "MESH" and any(
+            modifier.type == "ARMATURE" and modifier.object == character for modifier in thing.modifiers
+        ):
+            yield thing
+
+
+def _corners(character: bpy.types.Object, mesh: bpy.types.Object, bones: set[str]) -> Iterator[np.ndarray]:
+    """The corners of a mesh that belong to the bones, as they are at rest, armature space."""
+    groups = {group.index for group in mesh.vertex_groups if group.name in bones}
+    if not groups:
+        return
+    found = []
+    for vertex in mesh.data.vertices:
+        total = sum(entry.weight for entry in vertex.groups)
+        if total > 0.0 and sum(e.weight for e in vertex.groups if e.group in groups) > OF_A_FOOT * total:
+            found.append(vertex.index)
+    if not found:
+        return
+    # Bound at rest: where both objects stand says where the mesh lies on the bones.
+    to_armature = np.array(character.matrix_world.inverted_safe() @ mesh.matrix_world, dtype=np.float64)
+    places = np.array([mesh.data.vertices[k].co for k in found], dtype=np.float64)
+    yield places @ to_armature[:3, :3].T + to_armature[:3, 3]

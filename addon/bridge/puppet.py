@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who gets the motion: Oncue's own character, or an armature of the artist's, and how large that is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+
+from .. import native
+from ..body_size import clock
+from ..rig import Hold, Rig
+from . import own_rig
+from .action_writer import BoneSpace, Space
+from .armature import misfit
+from .scene_time import frame_rate
+
+
+@dataclass(frozen=True)
+class Puppet:
+    """An armature, or the one that is still to be made, and its measure beside the core's body."""
+
+    #: None where Oncue's own is still to be made.
+    character: bpy.types.Object | None
+    #: None for Oncue's own skeleton.
+    rig: Rig | None
+    #: How many times as large as the core's body.
+    size: float
+    #: Metres for a unit of the scene.
+    scene_scale: float
+
+    @property
+    def bones(self) -> list[str]:
+        """The bones that are keyed, the one that carries the others first."""
+        return list(native.core.skeleton()["names"]) if self.rig is None else self.rig.bones
+
+    @property
+    def metres_per_unit(self) -> float:
+        """The core's metres for a unit of the scene: the scene is as much smaller as the body is larger."""
+        return self.scene_scale / self.size
+
+    def frame_rate(self, scene: bpy.types.Scene) -> float:
+        """The scene's frames in a second of the body's."""
+        return frame_rate(scene) * clock(self.size)
+
+    def space(self, matrix_world=None, holds: tuple[Hold, ...] = ()) -> Space:
+        """The way to the channels of its bones. `matrix_world`: where the armature object stands, else as it does;
+        `holds`: hands that are exactly where the body's are."""
+        assert self.character is not None  # made by now
+        if self.rig is None:
+            return BoneSpace(self.character, self.bones, self.metres_per_unit, matrix_world)
+        return own_rig.RigSpace(self.character, self.rig, self.metres_per_unit, matrix_world, holds)
+
+
+def puppet_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> Puppet:
+    """What a run moves. Raises SceneError where an armature is nobody's, or of no person's size."""
+    scale = scene.oncue.scene_scale
+    skeleton = native.core.skeleton()
+    if character is None or is_own_skeleton(character, skeleton):
+        return Puppet(character, None, 1.0, scale)
+    rig = own_rig.rig_of(character, skeleton)
+    return Puppet(character, rig, own_rig.size_of(character, rig, scale), scale)
+
+
+def is_own_skeleton(character: bpy.types.Object, skeleton: dict) -> bool:
+    """Whether an armature is the core's own skeleton, joint for joint."""
+    return misfit(character, skeleton) is None

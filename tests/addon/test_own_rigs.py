@@ -1,0 +1,407 @@
+"""The artist's own rig gets the motion: recognised, at its own size, feet on the floor, never swapped in silence."""
+
+import json
+import math
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler, Matrix
+
+from .people import RIGS, make_person
+from .shapes import add_cube
+
+CORE_FEET = ("LeftFoot", "RightFoot", "LeftToe", "RightToe")
+
+
+def cue(kind, location, yaw=0.0, **properties):
+    empty = bpy.data.objects.new(kind.title(), None)
+    empty["oncue_cue"], empty.location, empty.rotation_euler.z = kind, location, yaw
+    for name, value in properties.items():
+        empty[name] = value
+    bpy.context.scene.collection.objects.link(empty)
+    return empty
+
+
+@pytest.fixture
+def stage(context):
+    """A floor, a chair of 45 cm and the cues to walk and sit down on it."""
+    add_cube("Floor", location=(0, 0, -0.05), scale=(8, 8, 0.1))
+    add_cube("Chair", location=(2, 0, 0.225), scale=(0.45, 0.45, 0.45))
+    context.scene.render.fps = 30
+    cue("start", (-0.5, 0.6, 0.0))
+    cue("sit", (2.0, 0.0, 0.55), -math.pi / 2)
+    return context
+
+
+@pytest.fixture
+def own_rig(oncue):
+    return oncue("bridge.own_rig")
+
+
+def chosen(context, person):
+    context.scene.oncue.character = person
+    context.view_layer.update()
+    return person
+
+
+def played(oncue, scene):
+    session = oncue("bridge.session")
+    action = session.current_action(scene)
+    return action, session.report_of(action)
+
+
+def skin_of(person):
+    return next(
+        thing
+        for thing in bpy.data.objects
+        if thing.type == "MESH" and any(m.type == "ARMATURE" and m.object == person for m in thing.modifiers)
+    )
+
+
+def corners(context, mesh):
+    seen = mesh.evaluated_get(context.evaluated_depsgraph_get())
+    shape = seen.to_mesh()
+    found = np.array([seen.matrix_world @ vertex.co for vertex in shape.vertices])
+    seen.to_mesh_clear()
+    return found
+
+
+def feet_of(person, mesh, own_rig):
+    """The corners of each foot of the skin, by its groups."""
+    joints = own_rig.recognized(person)["joints"]
+    found = []
+    for side in ("Left", "Right"):
+        names = {joints.get(f"{side}Foot"), joints.get(f"{side}Toe")}
+        groups = {group.index for group in mesh.vertex_groups if group.name in names}
+        found.append([v.index for v in mesh.data.vertices if any(g.group in groups for g in v.groups)])
+    return found
+
+
+@pytest.mark.parametrize("kind", RIGS)
+def test_rigs_are_recognised(own_rig, core, kind):
+    """Each bone by hand: what the table of names says is what is found."""
+    person, spec = make_person(kind, 1.7), RIGS[kind]
+    found = own_rig.recognized(person)
+    for side, word in zip(("Left", "Right"), spec["sides"], strict=True):
+        for joint in ("Shoulder", "Arm", "ForeArm", "Hand", "UpLeg", "Leg", "Foot", "Toe"):
+            assert found["joints"].get(side + joint) == (spec[joint].format(side=word) if joint in spec else None)
+    assert found["joints"]["Head"] == spec["Head"]
+    assert found["spine"] == spec["Spine"]
+    rig = own_rig.rig_of(person, core.skeleton())
+    assert rig.bones[0] == spec["Hips"]
+    assert own_rig.size_of(person, rig, 1.0) == pytest.approx(1.7 / 1.82, rel=0.03)
+
+
+def test_rigifys_metarig_is_recognised(context, own_rig, core):
+    addon_utils = pytest.importorskip("addon_utils")
+    addon_utils.enable("rigify", default_set=True)
+    bpy.ops.object.armature_human_metarig_add()
+    found = own_rig.recognized(context.object)
+    assert found["joints"]["Hips"] == "spine"
+    assert found["joints"]["Head"] == "spine.006"
+    assert found["spine"] == ["spine.001", "spine.002", "spine.003"]
+    assert found["joints"]["LeftToe"] == "toe.L"
+    addon_utils.disable("rigify", default_set=True)
+
+
+@pytest.mark.parametrize(
+    ("kind", "height"),
+    [("mixamo", 1.8), ("unreal", 1.2), ("daz", 1.95), ("smpl", 1.5), ("mmd", 1.75), ("plain", 1.6), ("vrm", 1.4)],
+)
+def test_a_rig_walks_and_sits_at_its_own_size(stage, oncue, own_rig, kind, height):
+    person = chosen(stage, make_person(kind, height))
+    bpy.ops.oncue.synthesize()
+    action, report = played(oncue, stage.scene)
+    assert stage.scene.oncue.character == person
+    assert not any(thing.get("oncue_character") for thing in bpy.data.objects)
+    assert report["success"], report["problems"]
+    # Seated where the cue is, as high over the chair as a pelvis of that size.
+    size = report["extension"]["body"]["size"]
+    stage.scene.frame_set(int(action.frame_range[1]))
+    joints = own_rig.recognized(person)["joints"]
+    posed = person.evaluated_get(stage.evaluated_depsgraph_get())
+    hips = np.mean(
+        [posed.matrix_world @ posed.pose.bones[joints[f"{side}UpLeg"]].head for side in ("Left", "Right")], axis=0
+    )
+    assert hips[:2] == pytest.approx((2.0, 0.0), abs=0.03 * size)
+    assert hips[2] - 0.45 == pytest.approx(0.08 * size, abs=0.02)
+    # Soles on the floor whenever one carries, and never under it.
+    mesh = skin_of(person)
+    feet = feet_of(person, mesh, own_rig)
+    lows = []
+    for frame in range(1, int(action.frame_range[1]) + 1, 3):
+        stage.scene.frame_set(frame)
+        there = corners(stage, mesh)
+        lows.append([there[foot, 2].min() for foot in feet])
+    walking = np.array(lows)[: report["action_from"] // 3]
+    assert np.array(lows).min() > -0.01
+    assert np.quantile(walking.min(axis=1), 0.9) < 0.004
+    # A child on an adult's chair lets its feet hang; who is tall enough does not.
+    assert (np.array(lows)[-1].min() > 0.02) == (height < 1.3)
+
+
+def test_a_smaller_body_walks_as_smaller_bodies_do(stage, oncue):
+    """Speeds go with the square root of the legs, not with the legs (Froude)."""
+    bpy.data.objects["Sit"]["oncue_cue"] = "stop"
+    speeds = {}
+    for height in (1.8, 0.9):
+        # The same way at half the size.
+        bpy.data.objects["Start"].location = (-1.5 * height, 0.0, 0.0)
+        bpy.data.objects["Sit"].location = (0.5 * height, 0.0, 0.0)
+        person = chosen(stage, make_person("smpl", height))
+        bpy.ops.oncue.synthesize()
+        _, report = played(oncue, stage.scene)
+        assert report["success"], report["problems"]
+        speeds[height] = report["speed"]["walking"]
+        for thing in (skin_of(person), person):
+            bpy.data.objects.remove(thing)
+    assert speeds[0.9] / speeds[1.8] == pytest.approx(math.sqrt(0.5), rel=0.05)
+
+
+@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+def test_where_the_object_stands_and_how_it_is_scaled_changes_nothing(stage, oncue, own_rig, scale):
+    person = make_person("unreal", 1.7)
+    person.data.transform(Matrix.Scale(1.0 / scale, 4))
+    skin_of(person).data.transform(Matrix.Scale(1.0 / scale, 4))
+    person.scale = (scale,) * 3
+    person.location, person.rotation_euler = (0.7, -1.5, 0.0), Euler((0.0, 0.0, 1.1))
+    chosen(stage, person)
+    bpy.ops.oncue.synthesize()
+    action, report = played(oncue, stage.scene)
+    assert report["success"], report["problems"]
+    stage.scene.frame_set(int(action.frame_range[1]))
+    posed = person.evaluated_get(stage.evaluated_depsgraph_get())
+    joints = own_rig.recognized(person)["joints"]
+    hips = posed.matrix_world @ posed.pose.bones[joints["Hips"]].head
+    assert tuple(hips)[:2] == pytest.approx((2.0, 0.0), abs=0.05)
+
+
+def test_bone_for_bone_as_the_cores_body(core, oncue, own_rig):
+    """A rig of the core's own measures, named otherwise and with its bones rolled anyhow, turns as the core says."""
+    person = make_person("vrm", 1.82, skin=False)
+    skeleton, motions = core.skeleton(), oncue("motion")
+    clip = core.Library.starter().clip(0)
+    motion = motions.Motion(np.asarray(clip["root_positions"]), np.asarray(clip["rotations"]), 30.0)
+    rig = own_rig.rig_of(person, skeleton)
+    assert rig.unit == pytest.approx(1.0, abs=1e-3)
+    space = own_rig.RigSpace(person, rig, 1.0 / rig.unit)
+    locations, rotations = space.channels(motion)
+    for bone in person.pose.bones:
+        bone.rotation_mode = "QUATERNION"
+    places = _places(skeleton, motion)
+    for frame in range(0, len(motion), 20):
+        person.pose.bones[space.bones[0]].location = locations[frame]
+        for k, bone in enumerate(space.bones):
+            person.pose.bones[bone].rotation_quaternion = rotations[frame, k]
+        bpy.context.view_layer.update()
+        for joint, name in enumerate(skeleton["names"]):
+            bone = rig.mapping["joints"].get(name)
+            if bone and not name.startswith("Spine"):
+                head = np.array(person.pose.bones[bone].head)
+                # Its neck and chest lie a little otherwise; legs and arms to the millimetre.
+                off = 0.012 if "Leg" not in name and "Foot" not in name and "Toe" not in name else 0.003
+                assert np.linalg.norm(head - places[frame, joint]) < off, (name, frame)
+    back = space.motion(locations, rotations, 30.0)
+    turned = np.abs(np.sum(back.rotations * motion.rotations, axis=-1))
+    assert np.degrees(2.0 * np.arccos(np.clip(turned, 0.0, 1.0))).max() < 2.0
+    assert np.abs(back.root_positions - motion.root_positions).max() < 1e-3
+
+
+def _places(skeleton, motion):
+    """Forward kinematics of the core's definition, (frames, joints, 3)."""
+    w, x, y, z = np.moveaxis(motion.rotations.astype(float), -1, 0)
+    turns = np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
+            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        -2,
+    )
+    places = np.empty((*turns.shape[:2], 3))
+    for joint, parent in enumerate(skeleton["parents"]):
+        if joint == 0:
+            places[:, 0] = motion.root_positions
+        else:
+            places[:, joint] = places[:, parent] + turns[:, parent] @ np.asarray(
+                skeleton["joint_offsets"][joint], float
+            )
+            turns[:, joint] = turns[:, parent] @ turns[:, joint]
+    return places
+
+
+def test_a_hand_reaches_what_it_holds_on_a_body_of_other_arms(context, oncue, own_rig):
+    """Short arms, long legs: the wrist is where the body's is, the palm on the path to the centimetre."""
+    add_cube("Floor", location=(0, 0, -0.05), scale=(8, 8, 0.1))
+    context.scene.render.fps = 30
+    person = chosen(context, make_person("unreal", 1.7, arms=0.9, trunk=1.03))
+    cue("start", (-1.0, 0.0, 0.0), math.pi / 2)
+    cue("stop", (1.0, 0.0, 0.0), math.pi / 2)
+    cue("right_hand", (1.4, -0.2, 1.05), oncue_first_frame=150, oncue_last_frame=180)
+    bpy.ops.oncue.synthesize()
+    _, report = played(oncue, context.scene)
+    assert report["success"], report["problems"]
+    joints = own_rig.recognized(person)["joints"]
+    for frame in (150, 165, 180):
+        context.scene.frame_set(frame)
+        posed = person.evaluated_get(context.evaluated_depsgraph_get())
+        hand = posed.pose.bones[joints["RightHand"]]
+        wrist = posed.matrix_world @ hand.head
+        # The palm is 8 cm on and 2 below, so a wrist is that far from the path.
+        away = (wrist - bpy.data.objects["Right_Hand"].location).length
+        assert away == pytest.approx(0.0825 * report["extension"]["body"]["size"], abs=0.01)
+
+
+# --- what cannot be ---------------------------------------------------------------------------------------------------
+
+
+def refused(words):
+    actions = set(bpy.data.actions)
+    with pytest.raises(RuntimeError, match=words) as error:
+        bpy.ops.oncue.synthesize()
+    assert set(bpy.data.actions) == actions
+    assert "\n" not in str(error.value).strip()
+    return str(error.value)
+
+
+def no_person(context):
+    data = bpy.data.armatures.new("Lamp")
+    lamp = bpy.data.objects.new("Lamp", data)
+    context.scene.collection.objects.link(lamp)
+    context.view_layer.objects.active = lamp
+    bpy.ops.object.mode_set(mode="EDIT")
+    for k in range(4):
+        bone = data.edit_bones.new(f"Segment {k}")
+        bone.head, bone.tail = (0, 0, k), (0, 0, k + 1)
+        if k:
+            bone.parent = data.edit_bones[f"Segment {k - 1}"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return lamp
+
+
+def edited(context, person, change):
+    context.view_layer.objects.active = person
+    bpy.ops.object.mode_set(mode="EDIT")
+    change(person.data.edit_bones)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    return person
+
+
+def one_armed(context):
+    def change(bones):
+        for name in ("upperarm_l", "lowerarm_l", "hand_l", "upperarm_twist_01_l"):
+            bones.remove(bones[name])
+
+    return edited(context, make_person("unreal", 1.8), change)
+
+
+def constrained(_context):
+    person = make_person("unreal", 1.8)
+    person.pose.bones["thigh_l"].constraints.new("COPY_ROTATION").target = person
+    return person
+
+
+def uneven(_context):
+    person = make_person("unreal", 1.8)
+    person.scale = (1.0, 1.0, 1.2)
+    return person
+
+
+def tiny(_context):
+    person = make_person("unreal", 1.8)
+    person.scale = (0.05,) * 3
+    return person
+
+
+def driven(_context):
+    person = make_person("unreal", 1.8)
+    person.pose.bones["thigh_l"].driver_add("rotation_quaternion", 0)
+    return person
+
+
+def tweaked(context):
+    person = make_person("unreal", 1.8)
+    person.animation_data_create()
+    action = bpy.data.actions.new("Own")
+    track = person.animation_data.nla_tracks.new()
+    track.strips.new("Own", 1, action)
+    person.animation_data.use_tweak_mode = True
+    return person
+
+
+REFUSED = {
+    "no person": (no_person, "Lamp was not recognised as a person: no joint was recognised as"),
+    "one arm": (one_armed, "was not recognised as a person: no joint was recognised as LeftArm"),
+    "a constraint": (constrained, r"follow others \(thigh_l, by its constraint Copy Rotation\)"),
+    "uneven": (uneven, "scaled unevenly"),
+    "tiny": (tiny, "0.05 m over its soles, as nobody has"),
+    "a driver": (driven, "has a driver on"),
+    "tweak mode": (tweaked, "tweak mode"),
+}
+
+
+@pytest.mark.parametrize("why", REFUSED)
+def test_what_cannot_act_is_refused_in_a_sentence(stage, oncue, why):
+    make, words = REFUSED[why]
+    chosen(stage, make(stage))
+    said = refused(words)
+    assert "Reset Character" not in said
+    assert stage.scene.oncue.character is not None
+
+
+def test_an_unchosen_rig_is_not_swapped_in_silence(stage, oncue):
+    make_person("mixamo", 1.8).location.x = -3.0
+    stage.view_layer.update()
+    bpy.ops.oncue.synthesize()
+    _, report = played(oncue, stage.scene)
+    notes = [note["reason"] for note in report["extension"]["skipped_objects"]]
+    assert any("mixamo has a person's bones and stays as it is" in note for note in notes)
+
+
+def test_reset_character_leaves_an_own_rig_alone(stage):
+    person = chosen(stage, constrained(stage))
+    with pytest.raises(RuntimeError, match="rig of your own"):
+        bpy.ops.oncue.reset_character()
+    assert not person.pose.bones["thigh_l"].constraints[0].mute
+
+
+# --- naming bones -----------------------------------------------------------------------------------------------------
+
+
+def test_a_named_bone_goes_before_what_is_recognised(stage, own_rig, tmp_path):
+    person = chosen(stage, make_person("unreal", 1.8))
+    assert own_rig.recognized(person)["joints"]["Neck"] == "neck_01"
+    assert bpy.ops.oncue.name_bone(joint="Neck", bone="spine_05") == {"FINISHED"}
+    assert own_rig.recognized(person)["joints"]["Neck"] == "spine_05"
+    path = tmp_path / "unreal.json"
+    bpy.ops.oncue.save_bones(filepath=str(path))
+    assert json.loads(path.read_text())["LeftUpLeg"] == "thigh_l"
+    assert bpy.ops.oncue.name_bone(joint="Neck", bone="") == {"FINISHED"}
+    assert own_rig.recognized(person)["joints"]["Neck"] == "neck_01"
+    bpy.ops.oncue.load_bones(filepath=str(path))
+    assert own_rig.recognized(person)["joints"]["Neck"] == "spine_05"
+
+
+@pytest.mark.parametrize(
+    ("joint", "bone", "words"),
+    [
+        ("LeftHand", "lowerarm_l", "both LeftForeArm and LeftHand"),
+        ("LeftHand", "nothing", "has no bone nothing"),
+        ("LeftEar", "head", "no joint LeftEar"),
+        ("LeftFoot", "hand_r", "so its leg was not understood"),
+    ],
+)
+def test_a_name_that_makes_no_person_is_refused_and_not_kept(stage, own_rig, joint, bone, words):
+    person = chosen(stage, make_person("unreal", 1.8))
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.oncue.name_bone(joint=joint, bone=bone)
+    assert own_rig.mapping_of(person) == {}
+
+
+def test_a_file_that_names_no_bones_is_refused(stage, tmp_path):
+    chosen(stage, make_person("unreal", 1.8))
+    path = tmp_path / "bones.json"
+    path.write_text("[1, 2]")
+    with pytest.raises(RuntimeError, match="names no bones"):
+        bpy.ops.oncue.load_bones(filepath=str(path))
