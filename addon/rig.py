@@ -116,6 +116,11 @@ class Rig:
         self._chain = self._chain_of(self.bones)
         self._feet = {side: self._foot(side) for side in SIDES}
 
+    @property
+    def joint_names(self) -> list[str]:
+        """The core's joints, in their order."""
+        return list(self._joints)
+
     # --- the rig at rest ----------------------------------------------------------------------------------------------
 
     def _carries_all(self, hips: int) -> int:
@@ -312,20 +317,38 @@ class Rig:
         `to_world`: the armature object's matrix; `metres_per_unit`: the core's metres for a unit of the scene. `holds`:
         hands ("left", "right", "both") that are exactly where the body's are, from and to which second.
         """
+        posed, heads, before = self._pose(motion, to_world, metres_per_unit, holds)
+        basis = [np.swapaxes(before[bone], -1, -2) @ posed[bone] for bone in (self._index[b] for b in self.bones)]
+        rotations = quaternions.continuous(np.moveaxis(quaternions.from_matrix(np.stack(basis)), 0, 1))
+        return self._location(heads, before), rotations
+
+    def matrices(
+        self, motion: Motion, to_world: Array, metres_per_unit: float, holds: tuple[Hold, ...] = ()
+    ) -> dict[str, Array]:
+        """Where each bone of the chain is, armature space, (frames, 4, 4); arguments as of `channels`."""
+        posed, heads, _ = self._pose(motion, to_world, metres_per_unit, holds)
+        found = {}
+        for bone in self._chain:
+            matrices = np.tile(np.eye(4), (len(motion), 1, 1))
+            matrices[:, :3, :3], matrices[:, :3, 3] = posed[bone], heads[bone]
+            found[self.rest.names[bone]] = matrices
+        return found
+
+    def _pose(
+        self, motion: Motion, to_world: Array, metres_per_unit: float, holds: tuple[Hold, ...]
+    ) -> tuple[dict[int, Array], dict[int, Array], dict[int, Array]]:
+        """Rotations and heads of the chain's bones, and rotations before their own."""
         turns, places, up = self._posed(motion, to_world, metres_per_unit)
         wanted = self._wanted(turns)
         hips = self._hips(turns, places, up, motion.frame_rate)
         for side in SIDES:
             self._place_leg(side, turns, places, up, hips, wanted)
-        posed, heads, before = self._forward(wanted, hips)
+        posed, heads, _ = self._forward(wanted, hips)
         for side in SIDES:
             share = self._held(side, turns, places, motion.frame_rate, holds)
             if share.any():
                 self._place_arm(side, turns, places, share, wanted, posed, heads)
-        posed, heads, before = self._forward(wanted, hips)
-        basis = [np.swapaxes(before[bone], -1, -2) @ posed[bone] for bone in (self._index[b] for b in self.bones)]
-        rotations = quaternions.continuous(np.moveaxis(quaternions.from_matrix(np.stack(basis)), 0, 1))
-        return self._location(heads, before), rotations
+        return self._forward(wanted, hips)
 
     def motion(
         self, locations: Array, rotations: Array, frame_rate: float, to_world: Array, metres_per_unit: float
@@ -343,7 +366,32 @@ class Rig:
                 head = head + _turned(before, locations)
             posed[bone] = before @ own[bone] if bone in own else before
             heads[bone] = head
-        turns = self._turns_of(posed, frames)
+        return self._of_pose(posed, heads, frame_rate, to_world, metres_per_unit)
+
+    def motion_of_matrices(
+        self, matrices: dict[str, Array], frame_rate: float, to_world: Array, metres_per_unit: float
+    ) -> Motion:
+        """The same from where some of the chain's bones are, as `matrices` gives it; the others are carried along."""
+        frames = len(next(iter(matrices.values())))
+        posed: dict[int, Array] = {}
+        heads: dict[int, Array] = {}
+        for bone in self._chain:
+            seen = matrices.get(self.rest.names[bone])
+            if seen is not None:
+                posed[bone], heads[bone] = seen[:, :3, :3], seen[:, :3, 3]
+            else:
+                posed[bone], heads[bone] = self._before(bone, posed, heads, frames)
+        return self._of_pose(posed, heads, frame_rate, to_world, metres_per_unit)
+
+    def _of_pose(
+        self,
+        posed: dict[int, Array],
+        heads: dict[int, Array],
+        frame_rate: float,
+        to_world: Array,
+        metres_per_unit: float,
+    ) -> Motion:
+        turns = self._turns_of(posed, len(next(iter(heads.values()))))
         hips = heads[self._bone["Hips"]]
         middle = hips + _turned(posed[self._bone["Hips"]], self._from_hips(self._hip))
         below = self._offsets[[self._joints["LeftUpLeg"], self._joints["RightUpLeg"]]].mean(axis=0)

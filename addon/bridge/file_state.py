@@ -135,6 +135,11 @@ def check_character(context: bpy.types.Context, character: bpy.types.Object) -> 
     if said := scale_fault(character, scale, any_size=True):
         raise SceneError(f"{character.name} {_without_reset(said)}.")
     puppet = puppet_of(character, context.scene)
+    if puppet.is_control_rig:
+        # What hangs on its controls by constraints is the rig's own business; whether it follows is seen afterwards.
+        for said in _state_hindrances(character, puppet.bones):
+            raise SceneError(f"{character.name} {_without_reset(said)}.")
+        return puppet
     for bone, constraint in bending_constraints([character.pose.bones[name] for name in puppet.bones]):
         raise SceneError(
             f"{character.name} has bones that follow others ({bone.name}, by its constraint {constraint.name}), and "
@@ -169,17 +174,13 @@ def _refusals(context: bpy.types.Context, character: bpy.types.Object) -> Iterat
 
 def _hindrances(character: bpy.types.Object, names: list[str]) -> Iterator[str]:
     """What can be reset, each the rest of a sentence that begins with the character's name."""
-    if character.data.pose_position == "REST":
-        yield f"shows its rest position: set it to Pose Position (armature properties), {RESET}"
+    yield from _state_hindrances(character, names)
     bones = [character.pose.bones[bone] for bone in names]
-    yield from _animation_hindrances(character.animation_data, names, carriers(bones))
     for bone, constraint in bending_constraints(bones):
         yield f"has a constraint on {bone.name} ({constraint.name}), which would bend the motion: mute it, {RESET}"
     for bone in bones:
         if not bone.bone.use_inherit_rotation:
             yield f"has a bone, {bone.name}, that does not inherit its parent's rotation: let it, {RESET}"
-    if not bones[0].bone.use_local_location:
-        yield f"has a bone, {names[0]}, whose location is not its own (Local Location is off): set it, {RESET}"
     keyed = keyed_channels(character)
     for bone, channel, fault in leftovers(bones):
         if (bone.name, channel) not in keyed:
@@ -187,6 +188,16 @@ def _hindrances(character: bpy.types.Object, names: list[str]) -> Iterator[str]:
                 f"has a bone, {bone.name}, that was {fault} without a key, and would be so in every take: clear it in "
                 f"pose mode (Alt G, Alt R, Alt S), {RESET}"
             )
+
+
+def _state_hindrances(character: bpy.types.Object, names: list[str]) -> Iterator[str]:
+    """The same of what keeps the named bones' keys from playing."""
+    if character.data.pose_position == "REST":
+        yield f"shows its rest position: set it to Pose Position (armature properties), {RESET}"
+    bones = [character.pose.bones[bone] for bone in names]
+    yield from _animation_hindrances(character.animation_data, names, carriers(bones))
+    if not bones[0].bone.use_local_location:
+        yield f"has a bone, {names[0]}, whose location is not its own (Local Location is off): set it, {RESET}"
 
 
 def _animation_hindrances(data: bpy.types.AnimData | None, names: list[str], over: list[str]) -> Iterator[str]:

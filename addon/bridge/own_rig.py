@@ -14,6 +14,7 @@ from ..body_size import clock
 from ..errors import SceneError
 from ..motion import Motion
 from ..rig import LARGEST, SIDES, SMALLEST, Hold, RestRig, Rig, Sole
+from . import rigify
 from .armature_motion import body_bones, parents_among
 from .names import MAPPING_KEY
 
@@ -51,7 +52,12 @@ def recognized(character: bpy.types.Object, mapping: dict[str, str] | None = Non
     for joint, name in mapping.items():
         if name not in character.data.bones:
             raise SceneError(f"{character.name} has no bone {name}, which is named for {joint}: choose another.")
-    bones = body_bones(character, also=set(mapping.values()))
+    if rigify.is_rigify(character):
+        bones = rigify.body_bones(character)
+        parents = rigify.parents_of(bones)
+    else:
+        bones = body_bones(character, also=set(mapping.values()))
+        parents = parents_among(bones)
     world = np.array(character.matrix_world, dtype=np.float64)
     scale = np.cbrt(abs(np.linalg.det(world[:3, :3]))) or 1.0
     turn = world[:3, :3] / scale if np.isfinite(world).all() else np.eye(3)
@@ -60,21 +66,24 @@ def recognized(character: bpy.types.Object, mapping: dict[str, str] | None = Non
         return [tuple(float(c) for c in turn @ np.array(point)) for point in points]
 
     try:
-        return native.core.map_rig(
+        found = native.core.map_rig(
             [bone.name for bone in bones],
-            list(parents_among(bones)),
+            list(parents),
             places([bone.head_local for bone in bones]),
             places([bone.tail_local for bone in bones]),
             mapping,
         )
     except native.core.InputError as error:
         raise SceneError(f"{character.name} was not recognised as a person: {error}") from error
+    if rigify.is_rigify(character):
+        found["spine"] = [bone for bone in found["spine"] if bone in rigify.SPINE]
+    return found
 
 
 def rig_of(character: bpy.types.Object, skeleton: dict) -> Rig:
     """The rig of an armature. Raises SceneError naming what keeps motion from being put on it."""
     mapping = recognized(character)
-    rest = _rest_of(character)
+    rest = rigify.rest_of(character) if rigify.is_rigify(character) else _rest_of(character)
     plain = Rig(character.name, rest, mapping, skeleton)
     soles = {side: sole for side in SIDES if (sole := _sole(character, plain, mapping, side)) is not None}
     return Rig(character.name, rest, mapping, skeleton, soles) if soles else plain
@@ -150,6 +159,8 @@ def _sole(character: bpy.types.Object, rig: Rig, mapping: dict, side: str) -> So
         for bone in character.data.bones
         if bone.name in named or any(up.name in named for up in bone.parent_recursive)
     }
+    # Rigify's skin hangs on twins of the body's bones.
+    of_foot |= {name.replace(rigify.BODY, "DEF-", 1) for name in of_foot if name.startswith(rigify.BODY)}
     corners = [places for mesh in skins(character) for places in _corners(character, mesh, of_foot)]
     if not corners:
         return None

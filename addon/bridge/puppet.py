@@ -10,7 +10,7 @@ import bpy
 from .. import native
 from ..body_size import clock
 from ..rig import Hold, Rig
-from . import own_rig
+from . import own_rig, rigify
 from .action_writer import BoneSpace, Space
 from .armature import misfit
 from .scene_time import frame_rate
@@ -32,7 +32,14 @@ class Puppet:
     @property
     def bones(self) -> list[str]:
         """The bones that are keyed, the one that carries the others first."""
-        return list(native.core.skeleton()["names"]) if self.rig is None else self.rig.bones
+        if self.rig is None:
+            return list(native.core.skeleton()["names"])
+        return self.space().bones
+
+    @property
+    def is_control_rig(self) -> bool:
+        """Whether controls are keyed that other bones follow."""
+        return self.rig is not None and self.character is not None and rigify.is_rigify(self.character)
 
     @property
     def metres_per_unit(self) -> float:
@@ -49,7 +56,8 @@ class Puppet:
         assert self.character is not None  # made by now
         if self.rig is None:
             return BoneSpace(self.character, self.bones, self.metres_per_unit, matrix_world)
-        return own_rig.RigSpace(self.character, self.rig, self.metres_per_unit, matrix_world, holds)
+        kind = rigify.ControlSpace if self.is_control_rig else own_rig.RigSpace
+        return kind(self.character, self.rig, self.metres_per_unit, matrix_world, holds)
 
 
 def puppet_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> Puppet:

@@ -17,18 +17,18 @@ import numpy as np
 from .. import native
 from ..body_size import clock, report_in_scene, scaled, sentence_in_scene
 from ..errors import SceneError
-from ..motion import Motion
+from ..motion import Motion, resample
 from ..moving import meeting_sentences
 from ..pipeline import EditOutcome, EditRequest, LibraryChoice, Outcome, Request, cues_of, hands_of, moments_of
 from ..scene_frames import CORE_RATE, in_scene_frames
-from . import armature, character_reset, compat, file_state, own_rig, own_seats, pins
+from . import armature, character_reset, compat, file_state, own_rig, own_seats, pins, rigify
 from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
 from .cue_reader import at_first_frame, hold_seconds, read_task
 from .hand_reader import core_frames, read_manipulations
 from .moving_reader import read_moving, taken_as_it_stands
 from .names import CHARACTER_KEY, LIVE_KEY, REPORT_KEY
-from .puppet import is_own_skeleton, puppet_of
+from .puppet import Puppet, is_own_skeleton, puppet_of
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
 from .second_blender import second_blender
@@ -42,6 +42,8 @@ ON_SURFACE = 0.003
 UNDER_PELVIS = 0.35
 #: A cue that has moved or turned by less is where it was, metres and radians.
 SAME_PLACE = 1e-3
+#: A body that follows its controls is where it is to be, but for this.
+FOLLOWS_CM = 0.5
 #: A body is of the same size, in sizes of the core's.
 SAME_SIZE = 1e-4
 
@@ -330,7 +332,7 @@ def overrides_of(settings) -> dict:
     return overrides
 
 
-def wishes_of(context: bpy.types.Context, size: float) -> dict:
+def wishes_of(context: bpy.types.Context, size: float = 1.0) -> dict:
     """The same with how long the cue asks a person, `size` times as large as the core's body, to stay; what is written
     comes before it. Raises SceneError."""
     overrides, seconds = overrides_of(context.scene.oncue), hold_seconds(context)
@@ -399,11 +401,28 @@ def write_outcome(
             space=space,
             **placed,
         )
+        if puppet.is_control_rig:
+            _have_controls_followed(context, puppet, motion, begins)
         mark_cues(action, report_of(action), request.scene_rate)
         contacts = np.asarray(synthesis.contacts)
         if puppet.rig is None:
             keep_solved(action, solved_take(scene, character, puppet.bones, motion, contacts, **placed))
     return action
+
+
+def _have_controls_followed(context: bpy.types.Context, puppet: Puppet, motion: Motion, begins: int) -> None:
+    """Has a rig of controls follow the keys that were just written. Raises SceneError where it does not."""
+    character = puppet.character
+    wanted = puppet.space().wanted(resample(motion, frame_rate(context.scene)))
+    with rigify.switched(character, begins):
+        away, bone, frame = rigify.off_by(context, character, wanted, begins)
+        centimetres = 100.0 * away * puppet.scene_scale
+        if centimetres > FOLLOWS_CM:
+            raise SceneError(
+                f"{character.name} does not follow its controls as a rig of Rigify's human does: its bone {bone} is "
+                f"{centimetres:.1f} cm off at frame {frame}. Are controls moved, or constraints added? Clear them in "
+                "pose mode, or choose the metarig."
+            )
 
 
 def motion_of(made: object, size: float) -> Motion:

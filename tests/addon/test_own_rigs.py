@@ -405,3 +405,58 @@ def test_a_file_that_names_no_bones_is_refused(stage, tmp_path):
     path.write_text("[1, 2]")
     with pytest.raises(RuntimeError, match="names no bones"):
         bpy.ops.oncue.load_bones(filepath=str(path))
+
+
+# --- rigs with controls -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def rigify(context):
+    """A rig that Rigify has generated from its human, without its face."""
+    addon_utils = pytest.importorskip("addon_utils")
+    addon_utils.enable("rigify", default_set=True)
+    bpy.ops.object.armature_human_metarig_add()
+    metarig = context.object
+
+    def without_face(bones):
+        def remove(bone):
+            for child in list(bone.children):
+                remove(child)
+            bones.remove(bone)
+
+        remove(bones["face"])
+
+    edited(context, metarig, without_face)
+    bpy.ops.pose.rigify_generate()
+    rig = context.object
+    bpy.ops.object.mode_set(mode="OBJECT")
+    metarig.hide_set(True)
+    yield rig
+    addon_utils.disable("rigify", default_set=True)
+
+
+def test_a_rigify_rig_gets_keys_on_its_controls_and_its_body_follows(rigify, stage, oncue):
+    chosen(stage, rigify)
+    bpy.ops.oncue.synthesize()
+    action, report = played(oncue, stage.scene)
+    assert report["success"], report["problems"]
+    curves = {curve.data_path for curve in oncue("bridge.compat").action_curves(action, rigify)}
+    keyed = {path.split('"')[1] for path in curves}
+    assert not any(name.startswith(("ORG-", "DEF-", "MCH-")) for name in keyed)
+    assert {"torso", "upper_arm_fk.L", "thigh_fk.R", "head"} <= keyed
+    assert 'pose.bones["thigh_parent.L"]["IK_FK"]' in curves
+    # The bones that carry the skin are where the motion has them: the hips over the cue, feet flat on the floor.
+    stage.scene.frame_set(int(action.frame_range[1]))
+    posed = rigify.evaluated_get(stage.evaluated_depsgraph_get())
+    hips = (posed.pose.bones["DEF-thigh.L"].head + posed.pose.bones["DEF-thigh.R"].head) / 2.0
+    assert tuple(hips)[:2] == pytest.approx((2.0, 0.0), abs=0.04)
+    assert hips.z - 0.45 == pytest.approx(0.08 * report["extension"]["body"]["size"], abs=0.02)
+    assert posed.pose.bones["DEF-toe.L"].head.z == pytest.approx(rigify.data.bones["DEF-toe.L"].head_local.z, abs=0.005)
+
+
+def test_controls_that_were_moved_aside_are_told_and_nothing_is_written(rigify, stage, oncue):
+    chosen(stage, rigify)
+    rigify.pose.bones["tweak_spine"].location.z = 0.2
+    said = refused("does not follow its controls as a rig of Rigify's human does: its bone ORG-")
+    assert "cm off at frame" in said
+    assert rigify.pose.bones["thigh_parent.L"]["IK_FK"] == 0.0
