@@ -18,12 +18,13 @@ from .operators import (
     policies,
     scene_setup,
     synthesize,
+    takes,
 )
 
 #: In the order of registering: properties before what shows them, the job's handle before what uses it.
 MODULES = (
     *(properties, preferences, job_operator),
-    *(synthesize, follow, library, manifold, place_cues, scene_setup, own_rig, edit, policies, go_to_frame),
+    *(synthesize, follow, library, manifold, place_cues, scene_setup, own_rig, edit, policies, go_to_frame, takes),
     *(menus, panels, overlay, manual, translations),
 )
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import bpy
 
-from . import native
-from .bridge import own_rig, session
+from . import body_size, native
+from .bridge import own_rig, session, takes
 from .bridge.cue_objects import KINDS
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
@@ -251,9 +251,52 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
             row.operator("oncue.write_motion", icon="ACTION")
 
 
+class ONCUE_PT_takes(OncuePanel, bpy.types.Panel):
+    """The takes of the character, and several at once."""
+
+    bl_label = "Takes"
+    bl_order = 5
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.scene.oncue
+        row = layout.row(align=True)
+        row.operator("oncue.variations", icon="MOD_ARRAY")
+        row.prop(settings, "variations", text="")
+        found = takes.takes_of(settings.character)
+        if not found:
+            return
+        played = session.current_action(context.scene)
+        column = layout.column(align=True)
+        for take in found[:LONGEST_LIST]:
+            row = column.row(align=True)
+            icon = "RADIOBUT_ON" if take == played else "RADIOBUT_OFF"
+            row.operator("oncue.play_take", text="", icon=icon, emboss=False).name = take.name
+            row.prop(take, "name", text="", emboss=False)
+            line, mark = take_line(session.report_of(take))
+            row.label(text=line, icon=mark)
+            row.operator("oncue.discard_take", text="", icon="X", emboss=False).name = take.name
+        if len(found) > LONGEST_LIST:
+            column.label(text=told(f"and {len(found) - LONGEST_LIST} more"))
+        row = layout.row(align=True)
+        row.operator("oncue.copy_take", icon="DUPLICATE")
+        row.operator("oncue.push_take", text="Push to NLA", icon="NLA_PUSHDOWN")
+
+
+def take_line(report: dict | None) -> tuple[str, str]:
+    """What the list tells of a take beside its name, and its icon: how long it is, and how far off its worst cue."""
+    try:
+        seconds = report["frames"] / 30.0 * body_size.clock(session.body_size_of(report))
+        off = max((cue["pelvis_cm"] for cue in report["cues"]), default=None)
+        line = f"{seconds:.1f} s" + (f", {off:.1f} cm" if off is not None else "")
+        return line, "CHECKMARK" if report["success"] else "ERROR"
+    except (LookupError, TypeError, ValueError, AttributeError):
+        return "", "ERROR"
+
+
 class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
     bl_label = "Result"
-    bl_order = 5
+    bl_order = 6
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -285,7 +328,7 @@ class ONCUE_PT_messages(OncuePanel, bpy.types.Panel):
     """All that is said: below everything else, so that it pushes no button from under the mouse when it comes."""
 
     bl_label = "Messages"
-    bl_order = 6
+    bl_order = 7
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -483,7 +526,7 @@ def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: st
 
 CLASSES = (
     *(ONCUE_UL_library, ONCUE_PT_cues, ONCUE_PT_library, ONCUE_PT_settings),
-    *(ONCUE_PT_synthesize, ONCUE_PT_edit, ONCUE_PT_results, ONCUE_PT_messages),
+    *(ONCUE_PT_synthesize, ONCUE_PT_edit, ONCUE_PT_takes, ONCUE_PT_results, ONCUE_PT_messages),
 )
 
 

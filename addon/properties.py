@@ -116,6 +116,13 @@ class OncueSettings(bpy.types.PropertyGroup):
     seed: IntProperty(
         name="Seed", description="The same seed gives the same motion; another one another take", min=0, default=1
     )
+    variations: IntProperty(
+        name="Takes",
+        description="How many takes Variations makes, each by a seed of its own",
+        default=4,
+        min=2,
+        max=32,
+    )
     liveliness: FloatProperty(
         name="Liveliness",
         description="From calm (-1) to lively (1): the pace, and how much moves in sitting down and in coming to stand",

@@ -24,6 +24,8 @@ MAPPING_KEY = "oncue_mapping"
 EXCLUDE_KEY = "oncue_exclude"
 #: On an action: the report of the run that made it, JSON.
 REPORT_KEY = "oncue_report"
+#: On an action: the character for which a run made it.
+TAKE_OF_KEY = "oncue_take_of"
 #: On an action: the motion as the core gave it last, and what is pinned.
 SOLVED_KEY, PINS_KEY = "oncue_solved", "oncue_pins"
 #: On an action: that it was made by following the cues, and by which following.

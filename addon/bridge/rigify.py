@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A rig that Rigify has generated from its human: the motion goes on its controls, not on the bones that follow them.
 
-Of the bones that Rigify makes, those called ORG- lie as the metarig's did: they are the body that is moved. Each control
-that gets keys goes with one of them, and hangs on another: so its channels follow from where these two are, without
-asking Blender frame by frame. Arms and legs turn by their FK controls, the trunk by its FK spine; what a control hangs
-on by another one's constraint is set aside by the rig's own switches, which are keyed with the take. Whether the rig
-follows is looked at once it is written (`off_by`).
+Of the bones that Rigify makes, those called ORG- lie as the metarig's did: they are the body that is moved. Each
+control that gets keys goes with one of them, and hangs on another: so its channels follow from where these two are,
+without asking Blender frame by frame. Arms and legs turn by their FK controls, the trunk by its FK spine; what a
+control hangs on by another one's constraint is set aside by the rig's own switches, which are keyed with the take.
+Whether the rig follows is looked at once it is written (`off_by`).
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from .all_or_nothing import all_or_nothing, kept_if_it_fails
 from .cue_reader import at_first_frame, hold_seconds, read_task
 from .hand_reader import core_frames, read_manipulations
 from .moving_reader import read_moving, taken_as_it_stands
-from .names import CHARACTER_KEY, LIVE_KEY, REPORT_KEY
+from .names import CHARACTER_KEY, LIVE_KEY, REPORT_KEY, TAKE_OF_KEY
 from .puppet import Puppet, is_own_skeleton, puppet_of
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
@@ -403,6 +403,7 @@ def write_outcome(
         )
         if puppet.is_control_rig:
             _have_controls_followed(context, puppet, motion, begins)
+        action[TAKE_OF_KEY] = character
         mark_cues(action, report_of(action), request.scene_rate)
         contacts = np.asarray(synthesis.contacts)
         if puppet.rig is None:

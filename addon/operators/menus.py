@@ -34,7 +34,10 @@ class ONCUE_MT_motion(bpy.types.Menu):
         layout = self.layout
         # A menu runs what it names at once unless it is told to ask: the run is modal in the window.
         layout.operator_context = "INVOKE_DEFAULT"
-        for name in ("synthesize", "write_motion", "follow_cues", "resolve"):
+        for name in ("synthesize", "variations", "write_motion", "follow_cues", "resolve"):
+            layout.operator(f"oncue.{name}")
+        layout.separator()
+        for name in ("copy_take", "push_take", "discard_take"):
             layout.operator(f"oncue.{name}")
         layout.separator()
         layout.operator("oncue.pin")

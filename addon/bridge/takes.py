@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The takes of a character: the actions that runs have made for it, which are played, kept, copied and thrown away."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..errors import SceneError
+from . import compat
+from .bones import clear_channel, leftovers
+from .names import REPORT_KEY, TAKE_OF_KEY
+
+#: A strip of the NLA lies on a track of this name.
+TRACK = "Oncue"
+
+
+def takes_of(character: bpy.types.Object | None) -> list[bpy.types.Action]:
+    """The takes that were made for a character, by name; those of an older Oncue, where one slot of theirs is its."""
+    if character is None:
+        return []
+    return [action for action in bpy.data.actions if REPORT_KEY in action and _is_of(action, character)]
+
+
+def _is_of(action: bpy.types.Action, character: bpy.types.Object) -> bool:
+    if TAKE_OF_KEY in action:
+        return action[TAKE_OF_KEY] == character
+    return bool(compat.SLOTTED_ACTIONS) and compat.played_slot(character, action) is not None
+
+
+def take_named(character: bpy.types.Object | None, name: str) -> bpy.types.Action:
+    """Raises SceneError where the character has no such take."""
+    action = bpy.data.actions.get(name)
+    if action is None or action not in takes_of(character):
+        whose = character.name if character is not None else "The scene"
+        raise SceneError(f"{whose} has no take {name}: choose one of the list.")
+    return action
+
+
+def play_take(character: bpy.types.Object, action: bpy.types.Action | None) -> None:
+    """Has the character play a take, or none; what it played stays in the file. Raises SceneError where it takes none.
+
+    What the take does not key of its bones is at rest, whatever another one left there.
+    """
+    data = character.animation_data or character.animation_data_create()
+    if data.use_tweak_mode:
+        raise SceneError(
+            f"{character.name} has a strip open in tweak mode, in which it takes no other action: leave it (Tab in the "
+            "NLA editor)."
+        )
+    if not character.is_editable:
+        raise SceneError(f"{character.name} is linked and cannot be changed: make a library override of it.")
+    if data.action is not None:
+        data.action.use_fake_user = True
+    data.action = action
+    if action is None:
+        return
+    compat.play_slot(character)
+    names = {
+        curve.data_path.split('"')[1] for curve in compat.action_curves(action, character) if '"' in curve.data_path
+    }
+    bones = [bone for bone in character.pose.bones if bone.name in names]
+    if bones:
+        for bone, channel, _ in list(leftovers(bones)):
+            if not _is_keyed(action, character, bone, channel):
+                clear_channel(bone, channel)
+
+
+def _is_keyed(action: bpy.types.Action, character: bpy.types.Object, bone: bpy.types.PoseBone, channel: str) -> bool:
+    path = f"{bone.path_from_id()}.{'rotation_' if channel == 'rotation' else channel}"
+    return any(curve.data_path.startswith(path) for curve in compat.action_curves(action, character))
+
+
+def discard_take(character: bpy.types.Object, action: bpy.types.Action) -> None:
+    """Takes a take out of the file; a character that plays it plays the one before it in the list, or none.
+
+    Raises SceneError where a strip still plays it, or it is linked.
+    """
+    if not action.is_editable:
+        raise SceneError(f"{action.name} is linked and cannot be changed: make it local first (Object, Relations).")
+    for thing in bpy.data.objects:
+        data = thing.animation_data
+        if data is not None and any(strip.action == action for track in data.nla_tracks for strip in track.strips):
+            raise SceneError(f"{action.name} is played by a strip of {thing.name} in the NLA: delete that first.")
+    data = character.animation_data
+    if data is not None and data.action == action:
+        takes = takes_of(character)
+        others = [take for take in takes if take != action]
+        before = takes.index(action) - 1
+        play_take(character, others[max(before, 0)] if others else None)
+    bpy.data.actions.remove(action)
+
+
+def copy_take(character: bpy.types.Object, action: bpy.types.Action) -> bpy.types.Action:
+    """A copy of a take to work on, which the character plays."""
+    copy = action.copy()
+    copy.use_fake_user = True
+    play_take(character, copy)
+    return copy
+
+
+def push_take(character: bpy.types.Object, action: bpy.types.Action) -> bpy.types.NlaStrip:
+    """Puts a take into the NLA where it lies in time, with full influence, and has the character play no action over
+    it. Raises SceneError where a strip lies there already."""
+    data = character.animation_data or character.animation_data_create()
+    slot = compat.played_slot(character, action) if compat.SLOTTED_ACTIONS else None
+    begins = int(action.frame_range[0])
+    tracks = [track for track in data.nla_tracks if track.name.split(".")[0] == TRACK]
+    for track in tracks:
+        if any(strip.frame_start < action.frame_range[1] and begins < strip.frame_end for strip in track.strips):
+            continue
+        break
+    else:
+        track = data.nla_tracks.new()
+        track.name = TRACK
+    play_take(character, None)
+    strip = track.strips.new(action.name, begins, action)
+    if slot is not None:
+        strip.action_slot = slot
+    # A strip that Python makes may come with none.
+    strip.influence = 1.0
+    strip.blend_type, strip.extrapolation = "REPLACE", "HOLD"
+    return strip
