@@ -6,8 +6,7 @@ use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
 use crate::action::ActionLabel;
-use crate::action::ActionType;
-use crate::cue::ActionCue;
+use crate::cue::{ActionCue, CueKind, PassCue};
 use crate::library::{Clip, MotionLibrary};
 use crate::math::rotation::{angle_between, wrap_angle};
 use crate::motion::skeleton::TOE_HEIGHT;
@@ -54,16 +53,16 @@ pub struct Residual {
     /// The cue's name.
     pub cue: String,
     /// What the cue asked for.
-    pub action_type: ActionType,
+    pub action_type: CueKind,
     /// Frame (30 Hz) at which it was measured.
     pub frame: usize,
-    /// Pelvis joint to q_root, cm (for a stop on the floor plane).
+    /// Pelvis joint to q_root, cm (for a stop and a pass on the floor plane).
     pub pelvis_cm: f32,
-    /// Facing, degrees.
+    /// Facing, degrees; 0 for a pass, which asks for none.
     pub facing_degrees: f32,
     /// Ankle to each given foot cue on the floor plane, cm.
     pub feet_cm: [Option<f32>; 2],
-    /// Within 10 cm and 20°.
+    /// Within 10 cm and 20°; a pass within 15 cm.
     pub met: bool,
 }
 
@@ -72,6 +71,9 @@ pub struct Residual {
 pub const MET_DISTANCE: f32 = 0.10;
 /// See [`MET_DISTANCE`].
 pub const MET_FACING: f32 = 20f32.to_radians();
+
+/// A waypoint is passed when the pelvis comes nearer to it than this on the floor plane, metres.
+pub const PASS_DISTANCE: f32 = 0.15;
 
 /// Whether a pelvis so far from its place (metres) and its facing (radians) meets its cue.
 pub fn is_met(distance: f32, facing: f32) -> bool {
@@ -101,13 +103,56 @@ pub fn residual(cue: &ActionCue, motion: &Motion, frame: usize) -> Option<Residu
     });
     Some(Residual {
         cue: cue.name.clone(),
-        action_type: cue.action_type,
+        action_type: cue.action_type.into(),
         frame,
         pelvis_cm: 100.0 * pelvis,
         facing_degrees: facing.to_degrees(),
         feet_cm: feet,
         met: is_met(pelvis, facing),
     })
+}
+
+/// How waypoints are passed in the frames `first..=last` of a motion: each on the frame on which the pelvis is nearest to it, as far as
+/// they are passed in their order (the frames of least squared distances).
+pub fn passed(passes: &[PassCue], motion: &Motion, first: usize, last: usize) -> Vec<Residual> {
+    let end = (last + 1).min(motion.len());
+    let roots: Vec<Vec2> =
+        motion.postures[first.min(end)..end].iter().map(|p| p.root_position.truncate()).collect();
+    if roots.is_empty() {
+        return Vec::new();
+    }
+    // Of each waypoint and frame: the least sum of squares with which it can be passed by then, and the frame on which it is.
+    let mut best: Vec<Vec<(f32, usize)>> = Vec::new();
+    for pass in passes {
+        let mut row: Vec<(f32, usize)> = Vec::with_capacity(roots.len());
+        for (frame, root) in roots.iter().enumerate() {
+            let before = best.last().map_or(0.0, |row| row[frame].0);
+            let here = (before + root.distance_squared(pass.place()), frame);
+            row.push(row.last().copied().filter(|earlier| earlier.0 <= here.0).unwrap_or(here));
+        }
+        best.push(row);
+    }
+    let mut frame = roots.len() - 1;
+    let mut found: Vec<Residual> = passes
+        .iter()
+        .zip(&best)
+        .rev()
+        .map(|(pass, row)| {
+            frame = row[frame].1;
+            let away = roots[frame].distance(pass.place());
+            Residual {
+                cue: pass.name.clone(),
+                action_type: CueKind::Pass,
+                frame: first + frame,
+                pelvis_cm: 100.0 * away,
+                facing_degrees: 0.0,
+                feet_cm: [None; 2],
+                met: away < PASS_DISTANCE,
+            }
+        })
+        .collect();
+    found.reverse();
+    found
 }
 
 /// Foot figures of a motion on a floor `floor` metres high.
@@ -389,6 +434,7 @@ pub fn penetration_among(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::action::ActionType;
     use crate::motion::speed::joint_accelerations;
     use glam::Vec3;
 
