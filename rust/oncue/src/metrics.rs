@@ -501,6 +501,30 @@ mod tests {
     }
 
     #[test]
+    fn waypoints_are_passed_in_their_order() {
+        // Out along X for 100 frames of 2 cm and back again.
+        let postures = (0..200).map(|i| {
+            let x = 0.02 * if i < 100 { i } else { 199 - i } as f32;
+            Posture { root_position: Vec3::new(x, 0.0, 0.9), ..Posture::default() }
+        });
+        let motion = Motion { postures: postures.collect(), contacts: vec![[0.0; 2]; 200] };
+        let by = |name: &str, x: f32, y: f32| PassCue { name: name.into(), position: Vec3::new(x, y, 0.0) };
+        let told = |passes: &[PassCue], first: usize, last: usize| -> Vec<(usize, i32, bool)> {
+            let found = passed(passes, &motion, first, last);
+            assert!(found.iter().zip(passes).all(|(r, p)| r.cue == p.name && r.action_type == CueKind::Pass));
+            found.iter().map(|r| (r.frame, r.pelvis_cm.round() as i32, r.met)).collect()
+        };
+        let (near, far) = (by("near", 0.5, 0.1), by("far", 1.9, -0.14));
+        assert_eq!(told(&[near.clone(), far.clone()], 0, 199), [(25, 10, true), (95, 14, true)]);
+        // The other way round the nearer one is passed on the way back.
+        assert_eq!(told(&[far.clone(), near.clone()], 0, 199), [(95, 14, true), (174, 10, true)]);
+        // In the frames that are asked about, and no others.
+        assert_eq!(told(std::slice::from_ref(&near), 0, 10), [(10, 32, false)]);
+        assert_eq!(told(&[near, by("aside", 0.0, 0.16)], 150, 999), [(174, 10, true), (199, 16, false)]);
+        assert!(told(&[], 0, 199).is_empty());
+    }
+
+    #[test]
     fn residual_by_hand() {
         let cue = ActionCue {
             name: "Sofa".into(),

@@ -807,6 +807,38 @@ mod tests {
     }
 
     #[test]
+    fn a_waypoint_is_behind_once_it_has_been_passed() {
+        let mut world = walker(&[], Planar::default());
+        let by = |y: f32| crate::PassCue { name: "By".into(), position: Vec3::new(0.05, y, 0.0) };
+        world.task.passes = vec![by(-0.6), by(-1.2)];
+        let environment = world.environment();
+        let mut episode = begin(&environment);
+        repeat(&environment, &mut episode, &walk_on(&world.settings), 3);
+        assert_eq!(episode.leg, 1, "at {}", episode.character.planar.position);
+        repeat(&environment, &mut episode, &walk_on(&world.settings), 3);
+        // Five centimetres aside of each.
+        assert_eq!(episode.leg, 2);
+        close(episode.tally.passed, 0.10, 0.02);
+        close(episode.tally.worst_pass, 0.05, 0.01);
+        let met = Tally { residual: 0.0, facing: 0.0, ..episode.tally };
+        assert!(environment.succeeded(EpisodeEnd::Complete, &met));
+        let missed = Tally { worst_pass: 0.14, ..met };
+        assert!(!environment.succeeded(EpisodeEnd::Complete, &missed));
+
+        // Who starts beside one and goes there has not passed it; who goes by at 30 cm has, and missed it.
+        let walked = |away: &[f32]| {
+            let mut episode = begin(&environment);
+            away.iter().for_each(|away| episode.walk_by(*away));
+            (episode.leg, episode.tally.worst_pass)
+        };
+        assert_eq!(walked(&[0.30, 0.33, 0.36, 0.2, 0.1, 0.08]).0, 0);
+        assert_eq!(walked(&[0.10, 0.09, 0.10]).0, 0);
+        assert_eq!(walked(&[0.10, 0.09, 0.12]), (1, 0.09));
+        assert_eq!(walked(&[0.40, 0.30, 0.50]), (1, 0.30));
+        assert_eq!(walked(&[0.90, 0.80, 1.20]).0, 0);
+    }
+
+    #[test]
     fn an_episode_has_a_longest() {
         let mut world = walker(&[], Planar::default());
         world.settings.termination.longest = 34;

@@ -613,6 +613,51 @@ mod tests {
     }
 
     #[test]
+    fn a_waypoint_is_rounded_and_not_cut() {
+        let ahead = Vec2::new(0.0, -1.1);
+        // Straight on it is no matter.
+        let (goal, facing) = round(Vec2::new(0.0, -0.5), Vec2::new(0.0, -0.6), ahead, ahead, 1.1);
+        close(goal.distance(ahead), 0.0, 1e-3);
+        close(facing, 0.0, 1e-4);
+        // Half a metre before a bend to the left, +X for who faces -Y.
+        let (place, onward) = (Vec2::new(0.0, -0.5), Vec2::new(0.6, 0.0));
+        let cut = place + onward;
+        let (goal, facing) = round(place, onward, cut, ahead, 1.1);
+        let passes_at = |goal: Vec2| {
+            let v = ahead;
+            let glide = |s: f32| goal * (2.0 * s * s - s.powi(3)) + v * (s - 2.0 * s * s + s.powi(3));
+            (0..=100).map(|i| glide(i as f32 / 100.0).distance(place)).fold(f32::INFINITY, f32::min)
+        };
+        assert!(passes_at(goal) < 0.08 && passes_at(cut) > 0.1, "{} {}", passes_at(goal), passes_at(cut));
+        // The turn is made by then, and it goes on to where the way leads.
+        close(facing, FRAC_PI_2, 1e-4);
+        assert!(goal.x > 0.05, "{goal}");
+        // The other side is the mirror image.
+        let mirrored = |v: Vec2| Vec2::new(-v.x, v.y);
+        let (other, turned) = round(mirrored(place), mirrored(onward), mirrored(cut), ahead, 1.1);
+        assert!(other.distance(mirrored(goal)) < 1e-4);
+        close(turned, -facing, 1e-4);
+        // Who is to come back goes there first.
+        let (goal, _) = round(Vec2::new(0.0, -0.8), Vec2::new(0.0, 1.0), Vec2::new(0.0, -0.5), ahead, 1.1);
+        assert!(goal.y < -0.6, "{goal}");
+    }
+
+    #[test]
+    fn no_sit_or_stop_is_entered_before_a_waypoint_that_it_would_not_pass() {
+        let at = |x: f32| {
+            let mut world = World::stop_ahead(0.5);
+            world.task.passes = vec![crate::PassCue { name: "By".into(), position: Vec3::new(x, -0.3, 0.0) }];
+            let mut character = Character::standing(database(), frame_of("walk", 0), Planar::default(), 0.0);
+            for _ in 0..5 {
+                character.advance(database(), &Default::default());
+            }
+            look(&world, &character).1.action.is_some()
+        };
+        assert!(at(0.0) && at(0.07), "on the line");
+        assert!(!at(0.2) && !at(-0.2));
+    }
+
+    #[test]
     fn the_clear_way_is_proposed() {
         // Two metres to the left of who faces -Y.
         let world = World::new(&[], Planar::default(), stop_cue(Vec2::new(2.0, 0.0), 0.3));

@@ -407,6 +407,35 @@ mod tests {
     }
 
     #[test]
+    fn a_waypoint_is_a_place_that_one_can_walk_over() {
+        // A box, a platform, and a wall that shuts off a corner.
+        let scene = room(&[
+            ([0.5, -1.5, 0.0], [1.1, -0.9, 0.5]),
+            ([1.0, 1.0, 0.0], [2.5, 2.5, 0.40]),
+            ([-3.0, 1.0, 0.0], [-1.0, 1.1, 2.0]),
+            ([-1.1, 1.0, 0.0], [-1.0, 3.0, 2.0]),
+        ]);
+        let by =
+            |name: &str, x: f32, y: f32, z: f32| PassCue { name: name.into(), position: Vec3::new(x, y, z) };
+        let with = |passes: &[PassCue]| Task { passes: passes.to_vec(), ..to_stop(Vec2::new(0.0, -2.0)) };
+        let fine = by("Fine", -1.0, -1.0, 0.0);
+        says(&scene, &with(std::slice::from_ref(&fine)), "");
+        says(
+            &scene,
+            &with(&[fine.clone(), by("In", 0.8, -1.2, 0.0)]),
+            "Pass cue ‘In’ stands inside furniture",
+        );
+        says(&scene, &with(&[by("Out", 9.0, 0.0, 0.0)]), "Pass cue ‘Out’ lies outside the scene");
+        says(&scene, &with(&[by("Under", 0.0, 0.5, -1.0)]), "Pass cue ‘Under’ lies 1.00 m below the floor");
+        says(&scene, &with(&[by("Up", 1.8, 1.8, 0.4)]), "Pass cue ‘Up’ stands on another level than start");
+        says(&scene, &with(&[by("None", f32::NAN, 0.0, 0.0)]), "Pass cue ‘None’ has a place");
+        says(&scene, &with(&[by("By", 0.5 - 0.05, -1.2, 0.0)]), "Pass cue ‘By’ has only");
+        let shut = by("Shut", -2.0, 2.0, 0.0);
+        let said = said(&scene, &with(&[fine, shut]));
+        assert!(said.contains("Pass cue ‘Shut’ cannot be reached from pass cue ‘Fine’"), "{said}");
+    }
+
+    #[test]
     fn a_start_stands_on_its_floor() {
         let scene = room(&[]);
         let at = |position: Vec3| {

@@ -12,8 +12,7 @@ use super::rooms::Row;
 const ASIDE: (f32, f32) = (0.5, 2.0);
 /// So far from start, cue and other waypoints, metres.
 const APART: f32 = 0.7;
-/// It has so much room, metres, and makes the way no longer than by so much.
-const ROOM: f32 = 0.30;
+/// It makes the way no longer than by so much, metres.
 const LONGER: f32 = 5.0;
 /// Between the places that are thought of, metres.
 const SPACING: f32 = 0.15;
@@ -69,12 +68,15 @@ fn walk(rows: &[Row], scene: &SceneIndex, at: usize) -> Option<Task> {
     (!task.passes.is_empty()).then_some(task)
 }
 
-/// Places on the floor where a person has room.
+/// Places on the floor where nothing is in a person's way.
 fn grid(scene: &SceneIndex) -> impl Iterator<Item = Vec2> {
     let (low, high) = scene.bounds();
+    let room = scene.settings().free_clearance;
     let (columns, rows) = (((high.x - low.x) / SPACING) as usize, ((high.y - low.y) / SPACING) as usize);
     (0..rows)
         .flat_map(move |row| (0..columns).map(move |column| Vec2::new(column as f32 + 0.5, row as f32 + 0.5)))
         .map(move |cell| low.truncate() + SPACING * cell)
-        .filter(|place| scene.occupancy().is_walkable(*place) && scene.occupancy().clearance(*place) >= ROOM)
+        .filter(move |place| {
+            scene.occupancy().is_walkable(*place) && scene.occupancy().clearance(*place) >= room
+        })
 }
