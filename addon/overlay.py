@@ -15,11 +15,13 @@ from .bridge.cue_objects import KINDS
 from .bridge.names import CUE_KEY
 from .bridge.pins import read_pins
 from .bridge.session import current_action
-from .bridge.shown_cues import FEET, HANDS, visible_cues
+from .bridge.shown_cues import FEET, HANDS, PASS, visible_cues
 
 Lines = list[tuple[Vector, Vector]]
 LINE_WIDTH = 2.0
 PIN_COLOR = (1.0, 0.85, 0.2, 1.0)
+#: A waypoint is met within so many metres.
+PASSED = 0.15
 #: Sides of the body: the left lies at +X of who faces -Y.
 LEFT, RIGHT = 1, -1
 #: The left sole from above, metres from the ankle, its big toe towards -X.
@@ -66,6 +68,13 @@ def arrow(start: float, length: float, z: float = 0.005) -> Lines:
     ]
 
 
+def passed() -> Lines:
+    """A ring as wide as a waypoint is met, and a foot that leaves it behind."""
+    around = [k * math.tau / 24 for k in range(24)]
+    ring = [Vector((PASSED * math.cos(t), PASSED * math.sin(t), 0.005)) for t in around]
+    return closed(ring) + footprint(0.0, 0.08, LEFT)
+
+
 def standing() -> Lines:
     return footprint(0.10, 0.0, LEFT) + footprint(-0.10, 0.0, RIGHT) + arrow(0.30, 0.35)
 
@@ -103,6 +112,8 @@ def cue_lines(context: bpy.types.Context, cue: bpy.types.Object) -> Lines:
         starts = visible_cues(context, "start")
         floor = (starts[0].matrix_world.translation.z - place.z) / unit if starts else -0.55
         lines = seated(floor if -1.2 < floor < -0.15 else -0.55)
+    elif kind == PASS:
+        lines = passed()
     else:
         lines = standing()
     return [(to_world @ a, to_world @ b) for a, b in lines]

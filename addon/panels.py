@@ -14,7 +14,7 @@ from .bridge.cue_objects import KINDS
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
 from .bridge.puppet import is_own_skeleton
-from .bridge.shown_cues import ENDS, FEET, HANDS, end_cues, visible_cues
+from .bridge.shown_cues import ENDS, FEET, HANDS, PASS, end_cues, played_cues, visible_cues
 from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .foreign_captures import SUFFIXES as FOREIGN
 from .job_operator import handle
@@ -23,7 +23,7 @@ from .operators.synthesize import library_cache, unwritten
 from .pipeline import Progress
 from .sentences import told
 
-CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE"}
+CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE", PASS: "TRACKING_FORWARDS_SINGLE"}
 #: A list that is no longer is open at first; of a longer one so many lines are shown.
 SHORT_LIST, LONGEST_LIST = 12, 100
 #: Pixels that a character of the interface's font is wide, on average.
@@ -47,9 +47,10 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
         row.operator("oncue.place_cue", text="Sit", icon="EMPTY_SINGLE_ARROW").kind = "sit"
         row.operator("oncue.place_cue", text="Stop", icon="SNAP_FACE").kind = "stop"
         layout.operator("oncue.sit_on_selection", icon="FACESEL")
-        ends = end_cues(context)
-        if ends:
+        played = played_cues(context)
+        if end_cues(context):
             row = layout.row(align=True)
+            row.operator("oncue.place_cue", text="Pass", icon=CUE_ICONS[PASS]).kind = PASS
             for kind, text in (("sit", "Then Sit"), ("stop", "Then Stop")):
                 button = row.operator("oncue.place_cue", text=text, icon=CUE_ICONS[kind])
                 button.kind, button.then = kind, True
@@ -60,15 +61,15 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
         column = layout.column(align=True)
         order = list(KINDS)
         cues = sorted(visible_cues(context, *KINDS), key=lambda cue: order.index(cue[CUE_KEY]))
-        if len(ends) > 1:
+        if len(played) > 1:
             # In the order in which they are played.
             starts, others = visible_cues(context, "start"), visible_cues(context, *FEET, *HANDS)
-            cues = [*starts, *ends, *others]
+            cues = [*starts, *played, *others]
             frames = session.frames_of_cues(context)
         for cue in cues:
             row = column.row(align=True)
-            if cue in ends and len(ends) > 1:
-                _draw_step(row, cue, ends, frames.get(cue.name))
+            if cue in played and len(played) > 1:
+                _draw_step(row, cue, played, frames.get(cue.name))
             else:
                 row.label(text=cue.name, icon=CUE_ICONS.get(cue[CUE_KEY], "DOT"))
             if cue[CUE_KEY] in HANDS:
@@ -83,9 +84,9 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
             column.label(text="No Sit or Stop cue yet", icon="INFO")
 
 
-def _draw_step(row: bpy.types.UILayout, cue: bpy.types.Object, ends: list, frame: int | None) -> None:
-    """One of several sit and stop cues: its place in the order, when it is met, and what moves it."""
-    number = ends.index(cue) + 1
+def _draw_step(row: bpy.types.UILayout, cue: bpy.types.Object, played: list, frame: int | None) -> None:
+    """One of several sit, stop and pass cues: its place in the order, when it is met, and what moves it."""
+    number = played.index(cue) + 1
     text = f"{number}  {cue.name}"
     row.operator("oncue.select_cue", text=text, icon=CUE_ICONS[cue[CUE_KEY]], translate=False).cue = cue.name
     if frame is not None:
@@ -404,7 +405,10 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
     lines = []
     for cue in report.get("cues", []):
         lines.append((f"{cue['cue']}: {'met' if cue['met'] else 'not met'}", "CHECKMARK" if cue["met"] else "ERROR"))
-        lines.append((f"    Pelvis {cue['pelvis_cm']:.1f} cm, facing {cue['facing_degrees']:.1f}°", "BLANK1"))
+        if cue["action_type"] == PASS:
+            lines.append((f"    Passed {cue['pelvis_cm']:.1f} cm away", "BLANK1"))
+        else:
+            lines.append((f"    Pelvis {cue['pelvis_cm']:.1f} cm, facing {cue['facing_degrees']:.1f}°", "BLANK1"))
         for foot, miss in zip(("Left foot", "Right foot"), cue.get("feet_cm", (None, None)), strict=True):
             if miss is not None:
                 lines.append((f"    {foot} {miss:.1f} cm", "BLANK1"))

@@ -88,6 +88,12 @@ def cues_of(asked: Asked) -> list[core.ActionCue]:
     return [step["cue"] for step in several["steps"]] if several else [task_of(asked)["cue"]]
 
 
+def passes_of(asked: Asked) -> list[list[core.PassCue]]:
+    """The waypoints on the way to each of these cues."""
+    several = performance_of(asked)
+    return [step.get("passes", []) for step in several["steps"]] if several else [task_of(asked).get("passes", [])]
+
+
 def hands_of(asked: Asked) -> list[core.ManipulationCue]:
     """The hands' cues that are asked for; among several cues there are none."""
     return [] if performance_of(asked) else task_of(asked).get("manipulations", [])
@@ -295,7 +301,8 @@ def moments_of(report: core.Report) -> list[core.Moments]:
     """When what happens in a motion, for each cue that was played."""
     if steps := report.get("steps"):
         return [{name: step.get(name) for name in ("stood_at", "action_from", "complete")} for step in steps]  # type: ignore[misc]
-    complete = report["cues"][0]["frame"] if report["cues"] else 0
+    # Its waypoints come before.
+    complete = report["cues"][-1]["frame"] if report["cues"] else 0
     return [{"complete": complete, "action_from": report["action_from"]}]
 
 
@@ -373,6 +380,7 @@ def _log_request(request: Request) -> None:
     logger.info("Library %s, starter %s; manifold %s", library.paths, library.starter, request.manifold or "that ships")
     hands = [cue["name"] for cue in hands_of(asked)]
     logger.info("Start %s, cues %s, hands %s, overrides %s", asked["start"], cues_of(asked), hands, request.overrides)
+    logger.info("Waypoints %s", passes_of(asked))
 
 
 def edit_steps(request: EditRequest, cache: LibraryCache) -> Steps[EditOutcome]:

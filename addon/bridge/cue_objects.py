@@ -24,7 +24,7 @@ from .names import (
     oncue_collection,
 )
 from .scene_time import may_move
-from .shown_cues import end_cues, visible_cues
+from .shown_cues import PASS, PLAYED, end_cues, played_cues, visible_cues
 from .what_counts import is_shown, things_of
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
@@ -32,6 +32,7 @@ KINDS = {
     "start": ("Start", "ARROWS", 0.25, (0.25, 0.75, 0.35, 1.0)),
     "sit": ("Sit", "SPHERE", 0.10, (0.95, 0.55, 0.15, 1.0)),
     "stop": ("Stop", "ARROWS", 0.25, (0.85, 0.25, 0.25, 1.0)),
+    "pass": ("Pass", "PLAIN_AXES", 0.15, (0.90, 0.80, 0.20, 1.0)),
     "left_foot": ("Left Foot", "CUBE", 0.04, (0.30, 0.60, 0.95, 1.0)),
     "right_foot": ("Right Foot", "CUBE", 0.04, (0.75, 0.45, 0.95, 1.0)),
     "left_hand": ("Left Hand", "SPHERE", 0.03, (0.30, 0.60, 0.95, 1.0)),
@@ -67,7 +68,7 @@ def make_cue(
     cue.color = color
     cue.show_in_front = True
     # Two feet and two hands lie side by side: their names tell them apart.
-    cue.show_name = kind not in ("start", "sit", "stop")
+    cue.show_name = kind not in ("start", *PLAYED)
     cue.rotation_euler = (0.0, 0.0, yaw)
     cue.location = position
     oncue_collection(context).objects.link(cue)
@@ -94,14 +95,17 @@ def place_cue(
     """Moves the visible cue of this kind there, or makes one; selects it.
 
     A sit and a stop take each other's place; of several the active one moves, else the last. With `then` another one is
-    made, which is played after those that are there.
+    made, which is played after those that are there. A pass is always another one: see `_pass_comes`.
     """
     label, shape, size, color = KINDS[kind]
     there = visible_cues(context, "start") if kind == "start" else end_cues(context)
-    if then and kind != "start":
-        number_steps(there)
+    if kind == PASS or (then and kind != "start"):
+        played = played_cues(context)
+        at = _pass_comes(context, played) if kind == PASS else len(played)
+        number_steps(played[:at])
+        number_steps(played[at:], at + 2)
         cue = make_cue(context, kind, position, yaw, metres_per_unit=metres_per_unit)
-        cue[STEP_KEY] = len(there) + 1
+        cue[STEP_KEY] = at + 1
     elif there:
         cue = active_of(context, there)
         if not cue.is_editable:
@@ -117,7 +121,7 @@ def place_cue(
     if kind == "start":
         cue[GIVEN_YAW_KEY] = yaw
     else:
-        if HOLD_KEY not in cue:
+        if kind != PASS and HOLD_KEY not in cue:
             cue[HOLD_KEY] = 1.0
             cue.id_properties_ui(HOLD_KEY).update(
                 min=0.0, soft_max=60.0, max=600.0, description="Seconds that the person stays there"
@@ -128,14 +132,25 @@ def place_cue(
     return cue
 
 
+def _pass_comes(context: bpy.types.Context, played: list[bpy.types.Object]) -> int:
+    """Where in the order a new pass cue comes: after the active one if that is a pass, before it if the person stays
+    there, else before the last.
+    """
+    ends = [at for at, cue in enumerate(played) if cue[CUE_KEY] != PASS]
+    if context.active_object in played:
+        at = played.index(context.active_object)
+        return at if at in ends else at + 1
+    return ends[-1] if ends else len(played)
+
+
 def active_of(context: bpy.types.Context, cues: list[bpy.types.Object]) -> bpy.types.Object:
     """The one of these that the artist works on, else the last."""
     return context.active_object if context.active_object in cues else cues[-1]
 
 
-def number_steps(ends: list[bpy.types.Object]) -> None:
-    """Has these sit and stop cues played in this order. Raises SceneError where one is linked."""
-    for number, cue in enumerate(ends, 1):
+def number_steps(played: list[bpy.types.Object], first: int = 1) -> None:
+    """Has these cues played in this order, from the number `first` on. Raises SceneError where one is linked."""
+    for number, cue in enumerate(played, first):
         if cue.get(STEP_KEY) == number:
             continue
         if not cue.is_editable:
@@ -249,12 +264,12 @@ def animated_range(thing: bpy.types.Object | None) -> tuple[int, int] | None:
 
 
 def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector, then: bool = False) -> float:
-    """A first guess of a standing cue's yaw: a start looks towards the first end cue, a stop away from where one comes.
+    """A first guess of a standing cue's yaw: a start looks towards the first cue, a stop away from where one comes.
 
-    That is the start, or with `then` the last of the end cues.
+    That is the start, or with `then` the last cue.
     """
-    ends, starts = end_cues(context), visible_cues(context, "start")
-    others = ends[:1] if kind == "start" else ends[-1:] if then else starts[:1]
+    played, starts = played_cues(context), visible_cues(context, "start")
+    others = played[:1] if kind == "start" else played[-1:] if then else starts[:1]
     for other in others:
         way = other.matrix_world.translation - Vector(place)
         if way.xy.length > 1e-3:

@@ -11,7 +11,7 @@ from ..errors import SceneError
 from .cue_objects import forward_of
 from .names import CUE_KEY, HOLD_KEY
 from .scene_time import current_frame_kept, may_move, moving
-from .shown_cues import ENDS, FEET, end_cues, visible_cues
+from .shown_cues import FEET, PASS, PLAYED, end_cues, played_cues, visible_cues
 
 #: Longer nobody stays, seconds.
 LONGEST_HOLD = 600.0
@@ -22,8 +22,8 @@ STEEPEST = math.sin(math.radians(80.0))
 def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_drawn: bool = False) -> dict:
     """The task as the core takes it, of several sit and stop cues the performance: metres, radians.
 
-    Raises SceneError naming the cue that is missing or too many. `as_drawn`: as the view shows it now, without
-    evaluating anything.
+    Raises SceneError naming the cue that is missing, too many, or leads nowhere. `as_drawn`: as the view shows it now,
+    without evaluating anything.
     """
     start = _only_one(
         visible_cues(context, "start"),
@@ -37,18 +37,28 @@ def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_dr
         )
     depsgraph = None if as_drawn else context.evaluated_depsgraph_get()
     begins = {"name": start.name, **_placement(start, depsgraph, metres_per_unit)}
-    cues = [
-        {
+    steps: list[dict] = []
+    passes: list[dict] = []
+    for cue in played_cues(context):
+        if cue[CUE_KEY] == PASS:
+            passes.append({"name": cue.name, "position": _position(cue, depsgraph, metres_per_unit)})
+            continue
+        asked = {
             "name": cue.name,
             "action_type": cue[CUE_KEY],
             **_placement(cue, depsgraph, metres_per_unit),
             "feet": [_foot(context, depsgraph, kind, cue, len(ends) == 1, metres_per_unit) for kind in FEET],
         }
-        for cue in ends
-    ]
-    if len(ends) == 1:
-        return {"start": begins, "cue": cues[0]}
-    steps = [{"cue": cue, "hold_seconds": _hold_of(end)} for cue, end in zip(cues, ends, strict=True)]
+        # They are passed on the way to the next cue at which the person stays.
+        steps.append({"cue": asked, "hold_seconds": _hold_of(cue), **({"passes": passes} if passes else {})})
+        passes = []
+    if passes:
+        raise SceneError(
+            f"{passes[-1]['name']} is a Pass cue that nothing follows: place a Sit or Stop cue after it, or move it up "
+            "in the list."
+        )
+    if len(steps) == 1:
+        return {"start": begins, **{name: part for name, part in steps[0].items() if name != "hold_seconds"}}
     return {"start": begins, "steps": steps}
 
 
@@ -79,7 +89,7 @@ def at_first_frame(
 
     Where the playhead stands then makes no difference. It may go through the frames.
     """
-    animated = [cue for cue in visible_cues(context, "start", *ENDS, *FEET) if may_move(cue)]
+    animated = [cue for cue in visible_cues(context, "start", *PLAYED, *FEET) if may_move(cue)]
     moved = moving(context, animated, first_frame) if animated else []
     if not moved:
         return task, []

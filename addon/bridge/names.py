@@ -11,7 +11,8 @@ CUE_KEY = "oncue_cue"
 FIRST_FRAME_KEY, LAST_FRAME_KEY = "oncue_first_frame", "oncue_last_frame"
 #: On a sit or stop cue: the seconds that the person stays there; without it one.
 HOLD_KEY = "oncue_hold_seconds"
-#: On a sit or stop cue: its place in the order in which several are played, from 1; those without come last, by name.
+#: On a sit, stop or pass cue: its place in the order in which several are played, from 1; those without come last, by
+#: name.
 STEP_KEY = "oncue_step"
 #: On a start cue: the yaw that its button gave it, radians; one that the artist has turned since stays as it is.
 GIVEN_YAW_KEY = "oncue_given_yaw"

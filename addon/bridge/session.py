@@ -19,7 +19,17 @@ from ..body_size import clock, report_in_scene, scaled, sentence_in_scene
 from ..errors import SceneError
 from ..motion import Motion, resample
 from ..moving import meeting_sentences
-from ..pipeline import EditOutcome, EditRequest, LibraryChoice, Outcome, Request, cues_of, hands_of, moments_of
+from ..pipeline import (
+    EditOutcome,
+    EditRequest,
+    LibraryChoice,
+    Outcome,
+    Request,
+    cues_of,
+    hands_of,
+    moments_of,
+    passes_of,
+)
 from ..scene_frames import CORE_RATE, in_scene_frames
 from . import armature, character_reset, compat, file_state, own_rig, own_seats, pins, rigify
 from .action_writer import write_action
@@ -32,7 +42,7 @@ from .puppet import Puppet, is_own_skeleton, puppet_of
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
 from .second_blender import second_blender
-from .shown_cues import ENDS, FEET, HANDS, visible_cues
+from .shown_cues import FEET, HANDS, PLAYED, visible_cues
 from .take import Take, keep_solved, solved_take
 from .what_counts import things_of
 
@@ -156,11 +166,15 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
 
 
 def _one_cue(task: dict) -> dict:
-    """A task that cues can be followed for. Raises SceneError for several."""
+    """A task that cues can be followed for. Raises SceneError for several, and for waypoints."""
     if "steps" in task:
         raise SceneError(
             f"Follow Cues plays one Sit or Stop cue, and there are {len(task['steps'])}: hide all but one, or press "
             "Synthesize."
+        )
+    if passes := task.get("passes"):
+        raise SceneError(
+            f"Follow Cues plays no Pass cue, and there is {passes[0]['name']}: hide it, or press Synthesize."
         )
     return task
 
@@ -433,14 +447,14 @@ def motion_of(made: object, size: float) -> Motion:
 
 
 def cue_frames(report: dict, scene_rate: float) -> dict[str, int]:
-    """On which of the scene's frames each cue of a performance is met, by name; none for the motion of one cue."""
-    begins = report.get("extension", {}).get("begins", 0)
-    steps = report.get("steps") or []
-    return {step["cue"]: round(begins + step["complete"] * scene_rate / CORE_RATE) for step in steps}
+    """On which of the scene's frames each of several cues is met, by name; none for the motion of one cue."""
+    begins, cues = report.get("extension", {}).get("begins", 0), report.get("cues") or []
+    several = len(cues) > 1 or bool(report.get("steps"))
+    return {cue["cue"]: round(begins + cue["frame"] * scene_rate / CORE_RATE) for cue in cues if several}
 
 
 def mark_cues(action: bpy.types.Action, report: dict | None, scene_rate: float) -> None:
-    """Marks where the cues of a performance are met."""
+    """Marks where each of several cues is met."""
     for name, frame in cue_frames(report or {}, scene_rate).items():
         action.pose_markers.new(name).frame = frame
 
@@ -619,7 +633,7 @@ def belongs_to_cues(context: bpy.types.Context, report: dict) -> bool:
         now = read_task(context, settings.scene_scale, as_drawn=True)
     except SceneError:
         return False
-    animated = any(may_move(cue) for cue in visible_cues(context, "start", *ENDS, *FEET))
+    animated = any(may_move(cue) for cue in visible_cues(context, "start", *PLAYED, *FEET))
     here = animated or _are_same_cues(now, made_for)
     # Hands are no part of what is made while the cues are followed.
     live = LIVE_KEY in (current_action(context.scene) or {})
@@ -656,7 +670,12 @@ def _are_same_cues(now: dict, before: dict) -> bool:
     except (LookupError, TypeError, ValueError):
         return False
     holds = [[step.get("hold_seconds") for step in asked.get("steps", [])] for asked in (now, before)]
-    return holds[0] == holds[1] and all(_is_same_cue(one, other) for one, other in pairs)
+    places = [[[cue.get("position") for cue in passes] for passes in passes_of(asked)] for asked in (now, before)]
+    if holds[0] != holds[1] or [len(part) for part in places[0]] != [len(part) for part in places[1]]:
+        return False
+    passed = zip(*([place for part in parts for place in part] for parts in places), strict=True)
+    same_passes = all(np.allclose(one, other, atol=SAME_PLACE) for one, other in passed)
+    return same_passes and all(_is_same_cue(one, other) for one, other in pairs)
 
 
 def _is_same_cue(now: dict, before: object) -> bool:

@@ -11,6 +11,9 @@ from .names import CUE_KEY, STEP_KEY
 from .what_counts import is_shown, things_of
 
 ENDS = ("sit", "stop")
+PASS = "pass"
+#: What has a place in the order.
+PLAYED = (*ENDS, PASS)
 FEET = ("left_foot", "right_foot")
 HANDS = ("left_hand", "right_hand", "both_hands")
 
@@ -23,9 +26,14 @@ def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Obje
     )
 
 
+def played_cues(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """The visible sit, stop and pass cues in the order in which they are played: by their numbers, then by name."""
+    return sorted(visible_cues(context, *PLAYED), key=lambda cue: (step_of(cue), cue.name))
+
+
 def end_cues(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """The visible sit and stop cues in the order in which they are played: by their numbers, then by name."""
-    return sorted(visible_cues(context, *ENDS), key=lambda cue: (step_of(cue), cue.name))
+    """Those of them at which the person stays: the sit and stop cues."""
+    return [cue for cue in played_cues(context) if cue[CUE_KEY] != PASS]
 
 
 def step_of(cue: bpy.types.Object) -> float:

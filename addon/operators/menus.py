@@ -7,14 +7,14 @@ import bpy
 
 
 class ONCUE_MT_cues(bpy.types.Menu):
-    """Where a person starts, sits, stops, and puts feet and hands"""
+    """Where a person starts, passes, sits, stops, and puts feet and hands"""
 
     bl_idname = "ONCUE_MT_cues"
     bl_label = "Oncue Cue"
 
     def draw(self, _context: bpy.types.Context) -> None:
         layout = self.layout
-        for kind, text in (("start", "Start Cue"), ("sit", "Sit Cue"), ("stop", "Stop Cue")):
+        for kind, text in (("start", "Start Cue"), ("sit", "Sit Cue"), ("stop", "Stop Cue"), ("pass", "Pass Cue")):
             layout.operator("oncue.place_cue", text=text).kind = kind
         layout.operator("oncue.sit_on_selection")
         layout.separator()

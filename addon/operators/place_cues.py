@@ -7,7 +7,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
 from ..bridge import cue_objects, hand_reader, seat_finder
-from ..bridge.shown_cues import end_cues
+from ..bridge.shown_cues import played_cues
 from ..errors import SceneError
 from ..job_operator import handle
 from .button import Button
@@ -26,6 +26,7 @@ class ONCUE_OT_place_cue(Button, bpy.types.Operator):
             ("start", "Start", "Where the character begins"),
             ("sit", "Sit", "Where the character's pelvis ends seated"),
             ("stop", "Stop", "Where the character ends standing"),
+            ("pass", "Pass", "What the character walks over on the way to the next Sit or Stop cue"),
         ],
         options={"SKIP_SAVE"},
     )
@@ -40,6 +41,11 @@ class ONCUE_OT_place_cue(Button, bpy.types.Operator):
     def description(cls, _context, properties) -> str:
         if properties.then:
             return "Place another cue under the 3D cursor, for which the person goes on from the last one"
+        if properties.kind == "pass":
+            return (
+                "Place another Pass cue on the floor under the 3D cursor, which the person walks over without a stop: "
+                "before the selected Sit or Stop cue, or after the selected Pass cue"
+            )
         where = {
             "start": "Place the Start cue on the floor under the 3D cursor",
             "sit": "Place the Sit cue on the seat under the 3D cursor, facing away from its back",
@@ -66,17 +72,17 @@ class ONCUE_OT_move_step(Button, bpy.types.Operator):
     bl_label = "Move in the Order"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    cue: StringProperty(name="Cue", description="The Sit or Stop cue", options={"SKIP_SAVE"})
+    cue: StringProperty(name="Cue", description="The Sit, Stop or Pass cue", options={"SKIP_SAVE"})
     by: IntProperty(name="By", description="So many places later", default=1, options={"SKIP_SAVE"})
 
     def act(self, context: bpy.types.Context) -> None:
-        ends = end_cues(context)
-        at = next((at for at, cue in enumerate(ends) if cue.name == self.cue), None)
+        played = played_cues(context)
+        at = next((at for at, cue in enumerate(played) if cue.name == self.cue), None)
         if at is None:
-            raise SceneError(f"There is no Sit or Stop cue {self.cue} any more.")
-        moved = ends.pop(at)
-        ends.insert(min(max(at + self.by, 0), len(ends)), moved)
-        cue_objects.number_steps(ends)
+            raise SceneError(f"There is no Sit, Stop or Pass cue {self.cue} any more.")
+        moved = played.pop(at)
+        played.insert(min(max(at + self.by, 0), len(played)), moved)
+        cue_objects.number_steps(played)
 
 
 class ONCUE_OT_select_cue(Button, bpy.types.Operator):

@@ -159,6 +159,100 @@ def test_a_moved_cue_leaves_what_lies_before_it(oncue, core, room):
     assert np.array_equal(solved()[0].rotations, after.rotations)
 
 
+def test_waypoints_belong_to_the_cue_that_they_lead_to(oncue, objects, read):
+    add_floor()
+    cursor = bpy.context.scene.cursor
+
+    def place(kind, x, then=False):
+        cursor.location = (x, 0, 0)
+        assert bpy.ops.oncue.place_cue(kind=kind, then=then) == {"FINISHED"}
+
+    def order():
+        return [cue.name for cue in oncue("bridge.shown_cues").played_cues(bpy.context)]
+
+    place("start", -3.0)
+    place("stop", 0.0)
+    # Before the cue that is selected, then after the pass that is.
+    place("pass", -2.0)
+    place("pass", -1.0)
+    assert order() == ["Pass", "Pass.001", "Stop"]
+    task = read()
+    assert "steps" not in task
+    assert [(p["name"], p["position"][0]) for p in task["passes"]] == [("Pass", -2.0), ("Pass.001", -1.0)]
+    assert task["cue"]["name"] == "Stop"
+    place("stop", 3.0, then=True)
+    place("pass", 2.0)
+    first, second = read()["steps"]
+    assert [p["name"] for p in first["passes"]] == ["Pass", "Pass.001"]
+    assert [p["name"] for p in second["passes"]] == ["Pass.002"]
+    bpy.ops.oncue.move_step(cue="Pass.002", by=-1)
+    first, second = read()["steps"]
+    assert [p["name"] for p in first["passes"]] == ["Pass", "Pass.001", "Pass.002"]
+    assert "passes" not in second
+    # One that nothing follows leads nowhere.
+    bpy.ops.oncue.move_step(cue="Pass.001", by=9)
+    with pytest.raises(oncue("errors").SceneError, match=r"Pass\.001 is a Pass cue that nothing follows"):
+        read()
+    bpy.data.objects["Pass.001"].hide_set(True)
+    bpy.context.view_layer.update()
+    assert [p["name"] for p in read()["steps"][0]["passes"]] == ["Pass", "Pass.002"]
+    # Nobody turns the start to where it does not go first.
+    forward = oncue("bridge.cue_objects").forward_of(bpy.data.objects["Start"].matrix_world)
+    assert forward.x == pytest.approx(1.0, abs=1e-3)
+
+
+def test_a_walk_passes_its_waypoint(oncue, core, room):
+    session, panels = oncue("bridge.session"), oncue("panels")
+    _, stop = room
+    room[0].hide_set(True)
+    bpy.context.view_layer.objects.active = stop
+    bpy.context.scene.cursor.location = (1.2, -0.2, 0)
+    assert bpy.ops.oncue.place_cue(kind="pass") == {"FINISHED"}
+    with pytest.raises(oncue("errors").SceneError, match=r"Follow Cues plays no Pass cue, and there is Pass"):
+        session.read_request(bpy.context, hands=False)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    action, scene = current_action(), bpy.context.scene
+    report = session.report_of(action)
+    assert report["success"], report["problems"]
+    assert [(cue["cue"], cue["action_type"]) for cue in report["cues"]] == [("Pass", "pass"), ("Aside", "stop")]
+    passed, met = report["cues"]
+    markers = {marker.name: marker.frame for marker in action.pose_markers}
+    assert markers == {"Pass": 11 + passed["frame"], "Aside": 11 + met["frame"]}
+    assert session.frames_of_cues(bpy.context) == markers
+    scene.frame_set(markers["Pass"])
+    character = scene.oncue.character
+    posed = character.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    away = (posed.matrix_world @ posed.pose.bones["Hips"].head) - bpy.data.objects["Pass"].location
+    assert 100 * away.xy.length == pytest.approx(passed["pelvis_cm"], abs=0.1)
+    assert passed["pelvis_cm"] < 15.0
+    lines = [line for line, _ in panels.result_lines(report)]
+    assert lines[:2] == ["Pass: met", f"    Passed {passed['pelvis_cm']:.1f} cm away"]
+    # Re-solve measures it again.
+    scene.frame_set(markers["Pass"])
+    bone = character.pose.bones["Head"]
+    bone.rotation_quaternion = bone.rotation_quaternion @ Quaternion((1, 0, 0), 0.1)
+    bone.keyframe_insert("rotation_quaternion")
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    assert session.report_of(action)["cues"] == report["cues"]
+    # A waypoint that is moved makes it another walk.
+    assert session.belongs_to_cues(bpy.context, report)
+    bpy.data.objects["Pass"].location.x += 0.1
+    bpy.context.view_layer.update()
+    assert not session.belongs_to_cues(bpy.context, report)
+    bpy.data.objects["Pass"].hide_set(True)
+    bpy.context.view_layer.update()
+    assert not session.belongs_to_cues(bpy.context, report)
+
+
+def test_a_waypoint_in_the_furniture_is_named(objects, room):
+    before_it = objects.make_cue(bpy.context, "pass", (0.0, 1.6, 0.0), 0.0, name="Through")
+    objects.number_steps([before_it, *room])
+    before = datablocks()
+    with pytest.raises(RuntimeError, match="Pass cue ‘Through’ stands inside furniture"):
+        bpy.ops.oncue.synthesize()
+    assert datablocks() == before
+
+
 def test_what_plays_one_cue_says_so(oncue, objects, room):
     with pytest.raises(oncue("errors").SceneError, match=r"Follow Cues plays one.*there are 2"):
         oncue("bridge.session").read_request(bpy.context, hands=False)

@@ -77,6 +77,30 @@ def test_what_was_made_before_is_taken_from_an_earlier_one(bench_scene, library,
     assert not np.array_equal(other.rotations[:30], performed.rotations[:30])
 
 
+def test_waypoints_are_passed_on_the_way(bench_scene, library):
+    task = up_and_away()
+    task["steps"][1]["passes"] = [{"name": "By", "position": [0.9, -0.4, 0.0]}]
+    performed = oncue_core.perform(bench_scene, library, task, seed=2).result()
+    report = performed.report
+    assert not list(faults(report, Report))
+    assert [(cue["cue"], cue["action_type"]) for cue in report["cues"]] == [
+        ("Sit", "sit"),
+        ("By", "pass"),
+        ("Away", "stop"),
+    ]
+    by = report["cues"][1]
+    away = np.linalg.norm(performed.root_positions[by["frame"], :2] - [0.9, -0.4])
+    assert by["met"]
+    assert 100 * away == pytest.approx(by["pelvis_cm"], abs=0.01)
+    assert away < 0.15
+    task["steps"][1]["passes"][0]["position"] = [9.0, 0.0, 0.0]
+    with pytest.raises(InputError, match="Pass cue ‘By’ lies outside the scene"):
+        oncue_core.perform(bench_scene, library, task).result()
+    task["steps"][1]["passes"][0]["yaw"] = 0.0
+    with pytest.raises(InputError, match="unknown field"):
+        oncue_core.perform(bench_scene, library, task)
+
+
 def test_what_makes_no_performance_is_told(bench_scene, library):
     with pytest.raises(InputError, match="steps"):
         oncue_core.perform(bench_scene, library, {"start": up_and_away()["start"]})

@@ -43,10 +43,18 @@ class ManipulationCue(TypedDict):
     first_frame: NotRequired[int | None]
 
 
+class PassCue(TypedDict):
+    """A waypoint: a place on the floor that the pelvis passes over on the way to a cue, without a stop."""
+
+    name: str
+    position: Point | list[float]
+
+
 class Task(TypedDict):
-    """A start, the cue that follows it, and what the hands do."""
+    """A start, the cue that follows it, and what the hands do. `passes`: what the way leads through, in order."""
 
     start: InitialState
+    passes: NotRequired[list[PassCue]]
     cue: ActionCue
     manipulations: NotRequired[list[ManipulationCue]]
 
@@ -55,9 +63,11 @@ class Step(TypedDict):
     """A cue of a performance, and what is done there.
 
     `hold_seconds`: how long the person stays; without it as long as it takes to go on, and at the end as the settings
-    say. `manipulations`: in frames of this step's own motion.
+    say. `passes`: what the way to the cue leads through, in order. `manipulations`: in frames of this step's own
+    motion.
     """
 
+    passes: NotRequired[list[PassCue]]
     cue: ActionCue
     hold_seconds: NotRequired[float | None]
     manipulations: NotRequired[list[ManipulationCue]]
@@ -599,10 +609,13 @@ class LearningFigures(TypedDict):
 
 
 class Residual(TypedDict):
-    """How a cue was met: `feet_cm` left and right, None without a foot cue. `met`: within 10 cm and 20°."""
+    """How a cue was met: `feet_cm` left and right, None without a foot cue. `met`: within 10 cm and 20°.
+
+    A pass is met within 15 cm; it asks for no facing, and `facing_degrees` is 0.
+    """
 
     cue: str
-    action_type: Literal["sit", "stop"]
+    action_type: Literal["sit", "stop", "pass"]
     frame: int
     pelvis_cm: float
     facing_degrees: float

@@ -58,6 +58,7 @@ fn main() {
             yaw: -std::f32::consts::FRAC_PI_2,
             feet: [None, None],
         },
+        passes: Vec::new(),
         manipulations: Vec::new(),
     };
     let environment = Environment::new(&scene, &database, &task, &settings).expect("settings that fit");

@@ -72,6 +72,7 @@ fn start() -> Job<Synthesis> {
                 yaw: std::f32::consts::PI,
                 feet: [None, None],
             },
+            passes: Vec::new(),
             manipulations: Vec::new(),
         };
         synthesize(&scene, &database, &task, None, &settings, 1, progress)

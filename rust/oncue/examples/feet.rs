@@ -186,7 +186,7 @@ fn own_tasks() -> Vec<(String, String, Task)> {
             feet: [None; 2],
         };
         let name = format!("{action_type:?} {i}");
-        (name, String::new(), Task { start, cue, manipulations: Vec::new() })
+        (name, String::new(), Task { start, cue, passes: Vec::new(), manipulations: Vec::new() })
     };
     TASKS.into_iter().enumerate().map(task).collect()
 }

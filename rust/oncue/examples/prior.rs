@@ -55,7 +55,17 @@ fn main() -> Result<(), AnyError> {
         .enumerate()
         .flat_map(|(s, (_, cues))| {
             cues.iter()
-                .map(|cue| (s, Task { start: start.clone(), cue: cue.clone(), manipulations: Vec::new() }))
+                .map(|cue| {
+                    (
+                        s,
+                        Task {
+                            start: start.clone(),
+                            cue: cue.clone(),
+                            passes: Vec::new(),
+                            manipulations: Vec::new(),
+                        },
+                    )
+                })
                 .collect::<Vec<_>>()
         })
         .collect();

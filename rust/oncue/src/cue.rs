@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::action::{ActionType, CueHeight, Fit};
@@ -115,6 +115,56 @@ impl ActionCue {
     }
 }
 
+/// A waypoint: a place on the floor that the way to a cue leads through, without a stop.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PassCue {
+    /// The name the artist gave it, for messages.
+    pub name: String,
+    /// What the pelvis is to pass over, world, metres; z is the floor there.
+    pub position: Vec3,
+}
+
+impl PassCue {
+    /// Its place on the floor plane.
+    pub fn place(&self) -> Vec2 {
+        self.position.truncate()
+    }
+
+    /// The same as a place to stop at, for what is asked of both: whether one can stand there, and which ways lead there.
+    pub(crate) fn as_stop(&self) -> ActionCue {
+        ActionCue {
+            name: self.name.clone(),
+            action_type: ActionType::Stop,
+            position: self.position,
+            yaw: 0.0,
+            feet: [None; 2],
+        }
+    }
+}
+
+/// What a cue asks for, as a report names it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CueKind {
+    /// To sit down.
+    Sit,
+    /// To come to stand.
+    Stop,
+    /// To walk through.
+    Pass,
+}
+
+impl From<ActionType> for CueKind {
+    fn from(action_type: ActionType) -> Self {
+        match action_type {
+            ActionType::Sit => CueKind::Sit,
+            ActionType::Stop => CueKind::Stop,
+            ActionType::Walk => CueKind::Pass,
+        }
+    }
+}
+
 /// Which hand follows a [`ManipulationCue`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -176,7 +226,8 @@ impl Moments {
 impl Task {
     /// Where the person is to be, the start first: what a scene is indexed for.
     pub fn places(&self) -> Vec<Vec3> {
-        vec![self.start.position, self.cue.position]
+        let passes = self.passes.iter().map(|pass| pass.position);
+        std::iter::once(self.start.position).chain(passes).chain([self.cue.position]).collect()
     }
 
     /// The seats of its motion: that which is got up from until the person stands, that of the cue from when the sit is entered.
@@ -195,6 +246,9 @@ impl Task {
 pub struct Task {
     /// g_init.
     pub start: InitialState,
+    /// What the way to the cue leads through, in this order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub passes: Vec<PassCue>,
     /// φ_A.
     pub cue: ActionCue,
     /// φ_M: what the hands do on the way or once the cue is met.
@@ -206,6 +260,9 @@ pub struct Task {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
+    /// What the way to the cue leads through, in this order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub passes: Vec<PassCue>,
     /// φ_A.
     pub cue: ActionCue,
     /// How long the person stays there, seconds; without it, as long as it takes to go on, and at the end as the settings say.
@@ -229,7 +286,10 @@ pub struct Performance {
 impl Performance {
     /// Where the person is to be, the start first: what a scene is indexed for.
     pub fn places(&self) -> Vec<Vec3> {
-        std::iter::once(self.start.position).chain(self.steps.iter().map(|step| step.cue.position)).collect()
+        let of_step = |step: &'_ Step| -> Vec<Vec3> {
+            step.passes.iter().map(|pass| pass.position).chain([step.cue.position]).collect()
+        };
+        std::iter::once(self.start.position).chain(self.steps.iter().flat_map(of_step)).collect()
     }
 
     /// The seats of its motion; `moments`: of each step that was played, in frames of the whole.

@@ -37,7 +37,7 @@
 //! let start = InitialState::standing("Start", corner(0.0, -1.2, 0.0), 3.0);
 //! let seat = corner(0.0, 1.4, 0.55);
 //! let cue = ActionCue { name: "Bench".into(), action_type: ActionType::Sit, position: seat, yaw: 0.0, feet: [None; 2] };
-//! let task = Task { start, cue, manipulations: Vec::new() };
+//! let task = Task { start, cue, passes: Vec::new(), manipulations: Vec::new() };
 //! let done = synthesize(&scene, &database, &task, None, &settings, 1, &progress)?;
 //! assert!(done.report.success, "{:?}", done.report.problems);
 //! let hips = done.motion.postures[done.motion.len() - 1].root_position;
@@ -86,7 +86,10 @@ mod synthesizer;
 mod test_world;
 
 pub use action::{ActionLabel, ActionType};
-pub use cue::{ActionCue, BodyState, Hand, InitialState, ManipulationCue, Moments, Performance, Step, Task};
+pub use cue::{
+    ActionCue, BodyState, CueKind, Hand, InitialState, ManipulationCue, Moments, PassCue, Performance, Step,
+    Task,
+};
 pub use error::{Error, Result};
 pub use glam;
 pub use job::Job;

@@ -6,8 +6,7 @@ use glam::Vec2;
 use serde::{Deserialize, Serialize};
 
 use crate::action::ActionLabel;
-use crate::action::ActionType;
-use crate::cue::ActionCue;
+use crate::cue::{ActionCue, CueKind, PassCue};
 use crate::library::{Clip, MotionLibrary};
 use crate::math::rotation::{angle_between, wrap_angle};
 use crate::motion::skeleton::TOE_HEIGHT;
@@ -54,16 +53,16 @@ pub struct Residual {
     /// The cue's name.
     pub cue: String,
     /// What the cue asked for.
-    pub action_type: ActionType,
+    pub action_type: CueKind,
     /// Frame (30 Hz) at which it was measured.
     pub frame: usize,
-    /// Pelvis joint to q_root, cm (for a stop on the floor plane).
+    /// Pelvis joint to q_root, cm (for a stop and a pass on the floor plane).
     pub pelvis_cm: f32,
-    /// Facing, degrees.
+    /// Facing, degrees; 0 for a pass, which asks for none.
     pub facing_degrees: f32,
     /// Ankle to each given foot cue on the floor plane, cm.
     pub feet_cm: [Option<f32>; 2],
-    /// Within 10 cm and 20°.
+    /// Within 10 cm and 20°; a pass within 15 cm.
     pub met: bool,
 }
 
@@ -72,6 +71,9 @@ pub struct Residual {
 pub const MET_DISTANCE: f32 = 0.10;
 /// See [`MET_DISTANCE`].
 pub const MET_FACING: f32 = 20f32.to_radians();
+
+/// A waypoint is passed when the pelvis comes nearer to it than this on the floor plane, metres.
+pub const PASS_DISTANCE: f32 = 0.15;
 
 /// Whether a pelvis so far from its place (metres) and its facing (radians) meets its cue.
 pub fn is_met(distance: f32, facing: f32) -> bool {
@@ -101,13 +103,56 @@ pub fn residual(cue: &ActionCue, motion: &Motion, frame: usize) -> Option<Residu
     });
     Some(Residual {
         cue: cue.name.clone(),
-        action_type: cue.action_type,
+        action_type: cue.action_type.into(),
         frame,
         pelvis_cm: 100.0 * pelvis,
         facing_degrees: facing.to_degrees(),
         feet_cm: feet,
         met: is_met(pelvis, facing),
     })
+}
+
+/// How waypoints are passed in the frames `first..=last` of a motion: each on the frame on which the pelvis is nearest to it, as far as
+/// they are passed in their order (the frames of least squared distances).
+pub fn passed(passes: &[PassCue], motion: &Motion, first: usize, last: usize) -> Vec<Residual> {
+    let end = (last + 1).min(motion.len());
+    let roots: Vec<Vec2> =
+        motion.postures[first.min(end)..end].iter().map(|p| p.root_position.truncate()).collect();
+    if roots.is_empty() {
+        return Vec::new();
+    }
+    // Of each waypoint and frame: the least sum of squares with which it can be passed by then, and the frame on which it is.
+    let mut best: Vec<Vec<(f32, usize)>> = Vec::new();
+    for pass in passes {
+        let mut row: Vec<(f32, usize)> = Vec::with_capacity(roots.len());
+        for (frame, root) in roots.iter().enumerate() {
+            let before = best.last().map_or(0.0, |row| row[frame].0);
+            let here = (before + root.distance_squared(pass.place()), frame);
+            row.push(row.last().copied().filter(|earlier| earlier.0 <= here.0).unwrap_or(here));
+        }
+        best.push(row);
+    }
+    let mut frame = roots.len() - 1;
+    let mut found: Vec<Residual> = passes
+        .iter()
+        .zip(&best)
+        .rev()
+        .map(|(pass, row)| {
+            frame = row[frame].1;
+            let away = roots[frame].distance(pass.place());
+            Residual {
+                cue: pass.name.clone(),
+                action_type: CueKind::Pass,
+                frame: first + frame,
+                pelvis_cm: 100.0 * away,
+                facing_degrees: 0.0,
+                feet_cm: [None; 2],
+                met: away < PASS_DISTANCE,
+            }
+        })
+        .collect();
+    found.reverse();
+    found
 }
 
 /// Foot figures of a motion on a floor `floor` metres high.
@@ -389,6 +434,7 @@ pub fn penetration_among(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::action::ActionType;
     use crate::motion::speed::joint_accelerations;
     use glam::Vec3;
 
@@ -452,6 +498,30 @@ mod tests {
         assert!((figures.acceleration_ratio - 2.0).abs() < 1e-3);
         assert!((figures.hardest_acceleration - 18.0).abs() < 0.01 && figures.hardest_joint.is_some());
         assert!((figures.harder_percent - 100.0 / 3.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn waypoints_are_passed_in_their_order() {
+        // Out along X for 100 frames of 2 cm and back again.
+        let postures = (0..200).map(|i| {
+            let x = 0.02 * if i < 100 { i } else { 199 - i } as f32;
+            Posture { root_position: Vec3::new(x, 0.0, 0.9), ..Posture::default() }
+        });
+        let motion = Motion { postures: postures.collect(), contacts: vec![[0.0; 2]; 200] };
+        let by = |name: &str, x: f32, y: f32| PassCue { name: name.into(), position: Vec3::new(x, y, 0.0) };
+        let told = |passes: &[PassCue], first: usize, last: usize| -> Vec<(usize, i32, bool)> {
+            let found = passed(passes, &motion, first, last);
+            assert!(found.iter().zip(passes).all(|(r, p)| r.cue == p.name && r.action_type == CueKind::Pass));
+            found.iter().map(|r| (r.frame, r.pelvis_cm.round() as i32, r.met)).collect()
+        };
+        let (near, far) = (by("near", 0.5, 0.1), by("far", 1.9, -0.14));
+        assert_eq!(told(&[near.clone(), far.clone()], 0, 199), [(25, 10, true), (95, 14, true)]);
+        // The other way round the nearer one is passed on the way back.
+        assert_eq!(told(&[far.clone(), near.clone()], 0, 199), [(95, 14, true), (174, 10, true)]);
+        // In the frames that are asked about, and no others.
+        assert_eq!(told(std::slice::from_ref(&near), 0, 10), [(10, 32, false)]);
+        assert_eq!(told(&[near, by("aside", 0.0, 0.16)], 150, 999), [(174, 10, true), (199, 16, false)]);
+        assert!(told(&[], 0, 199).is_empty());
     }
 
     #[test]

@@ -81,7 +81,8 @@ pub fn perform(
             None => {
                 let mut settings = settings.clone();
                 settings.synthesizer.hold_seconds = hold_seconds;
-                let task = Task { start, cue: step.cue.clone(), manipulations: step.manipulations.clone() };
+                let Step { passes, cue, manipulations, .. } = step.clone();
+                let task = Task { start, passes, cue, manipulations };
                 let seed = seed.wrapping_add(STEP_SEED.wrapping_mul(at as u64));
                 let made = synthesize_along(
                     manifold, scene, None, database, &task, stored, &settings, seed, progress,
@@ -132,7 +133,8 @@ pub fn check_performance(scene: &SceneIndex, performance: &Performance) -> Resul
                 step.cue.name
             )));
         }
-        let task = Task { start, cue: step.cue.clone(), manipulations: Vec::new() };
+        let (passes, cue) = (step.passes.clone(), step.cue.clone());
+        let task = Task { start, passes, cue, manipulations: Vec::new() };
         check_task(scene, &task)?;
         // As whoever has met it: which posture it is plays no part here.
         let mut posture = Posture::default().moved(Planar::default(), step.cue.planar());

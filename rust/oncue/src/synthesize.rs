@@ -10,7 +10,7 @@ use crate::controller::optimize::UpdateFigures;
 use crate::controller::{
     Environment, EpisodeEnd, KeptMotion, StoredPolicy, keep_motion, optimize_policy, request_of,
 };
-use crate::cue::{ActionCue, Moments, Performance, Task};
+use crate::cue::{ActionCue, CueKind, Moments, PassCue, Performance, Task};
 use crate::editor::first_step::prepare_first_step;
 use crate::editor::seat::rests_from;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
@@ -21,7 +21,8 @@ use crate::library::database::MotionDatabase;
 use crate::life::{Hold, enliven};
 use crate::manifold::Manifold;
 use crate::metrics::{
-    FootFigures, PenetrationFigures, Residual, foot_figures, penetration_among, residual, speed_figures,
+    FootFigures, PenetrationFigures, Residual, foot_figures, passed, penetration_among, residual,
+    speed_figures,
 };
 use crate::motion::{FRAME_RATE, Motion};
 use crate::progress::Progress;
@@ -160,6 +161,11 @@ pub fn synthesize_along(
     laps.done("measure");
 
     let mut problems = problems(kept.end, &cues, scene, task);
+    if kept.end != EpisodeEnd::Complete {
+        let passes: Vec<Residual> =
+            cues.iter().filter(|cue| cue.action_type == CueKind::Pass).cloned().collect();
+        problems.extend(missed(&passes));
+    }
     problems.extend(edited.iter().flat_map(|e| e.problems.clone()));
     let not_done = problems.clone();
     if kept.end == EpisodeEnd::Complete {
@@ -184,7 +190,7 @@ pub fn synthesize_along(
         edited,
         frames: motion.len(),
         path_m: kept.tally.travelled,
-        shortest_path_m: environment.path.distance(environment.departure),
+        shortest_path_m: environment.path.distance(0, environment.departure),
         seconds: laps.seconds,
         policy_source: source,
         updates: learning.curve.len(),
@@ -256,8 +262,8 @@ pub fn measure(
     moments: &Moments,
     settings: &Settings,
 ) -> Measured {
-    let cues = [(&task.cue, moments.complete)];
-    measure_cues(motion, around, task.start.position.z, task.seats(moments), &cues, settings)
+    let cues = residuals(motion, &task.passes, &task.cue, 0, moments.complete);
+    measure_cues(motion, around, task.start.position.z, task.seats(moments), cues, settings)
 }
 
 /// Measures the motion of a performance; `moments`: of each of its steps that was played, in frames of the whole motion.
@@ -268,22 +274,36 @@ pub fn measure_performance(
     moments: &[Moments],
     settings: &Settings,
 ) -> Measured {
-    let cues: Vec<_> =
-        performance.steps.iter().zip(moments).map(|(step, m)| (&step.cue, m.complete)).collect();
+    let first = std::iter::once(0).chain(moments.iter().map(|m| m.complete));
+    let steps = performance.steps.iter().zip(moments).zip(first);
+    let cues = steps
+        .flat_map(|((step, m), first)| residuals(motion, &step.passes, &step.cue, first, m.complete))
+        .collect();
     let (floor, seats) = (performance.start.position.z, performance.seats(moments));
-    measure_cues(motion, around, floor, seats, &cues, settings)
+    measure_cues(motion, around, floor, seats, cues, settings)
 }
 
-/// `cues`: each with the frame on which it is to be met.
+/// How the waypoints on the way to a cue are passed from frame `first` on, and how it is met on frame `complete`.
+fn residuals(
+    motion: &Motion,
+    passes: &[PassCue],
+    cue: &ActionCue,
+    first: usize,
+    complete: usize,
+) -> Vec<Residual> {
+    let mut found = passed(passes, motion, first, complete);
+    found.extend(residual(cue, motion, complete));
+    found
+}
+
 fn measure_cues(
     motion: &Motion,
     around: &Around,
     floor: f32,
     seats: Seats,
-    cues: &[(&ActionCue, usize)],
+    cues: Vec<Residual>,
     settings: &Settings,
 ) -> Measured {
-    let cues: Vec<_> = cues.iter().filter_map(|(cue, complete)| residual(cue, motion, *complete)).collect();
     let penetration = around.scene.map(|scene| {
         let ignore_below = settings.reward.ignore_below;
         penetration_among(motion, scene, around.moving, around.wait, floor, ignore_below, &seats)
@@ -409,8 +429,11 @@ fn problems(end: EpisodeEnd, cues: &[Residual], scene: &SceneIndex, task: &Task)
 
 /// What is said of each cue that was missed.
 fn missed(cues: &[Residual]) -> Vec<String> {
-    let said = |cue: &Residual| {
-        format!("Cue '{}' was missed by {:.0} cm and {:.0}°.", cue.cue, cue.pelvis_cm, cue.facing_degrees)
+    let said = |cue: &Residual| match cue.action_type {
+        CueKind::Pass => format!("Cue '{}' was passed {:.0} cm away.", cue.cue, cue.pelvis_cm),
+        CueKind::Sit | CueKind::Stop => {
+            format!("Cue '{}' was missed by {:.0} cm and {:.0}°.", cue.cue, cue.pelvis_cm, cue.facing_degrees)
+        }
     };
     cues.iter().filter(|cue| !cue.met).map(said).collect()
 }
@@ -436,7 +459,6 @@ impl Laps {
 mod tests {
     use super::*;
     use crate::Error;
-    use crate::action::ActionType;
     use crate::test_world::{World, close, database, stop_cue};
     use glam::{Vec2, Vec3};
 
@@ -605,7 +627,7 @@ mod tests {
         let said = |end: EpisodeEnd, cues: &[Residual]| problems(end, cues, &world.scene, &world.task);
         let residual = |met: bool| Residual {
             cue: "There".into(),
-            action_type: ActionType::Stop,
+            action_type: CueKind::Stop,
             frame: 9,
             pelvis_cm: 23.4,
             facing_degrees: 31.2,
@@ -616,6 +638,11 @@ mod tests {
         assert_eq!(
             said(EpisodeEnd::Complete, &[residual(false)]),
             ["Cue 'There' was missed by 23 cm and 31°."]
+        );
+        let pass = |met| Residual { action_type: CueKind::Pass, ..residual(met) };
+        assert_eq!(
+            said(EpisodeEnd::Complete, &[pass(false), pass(true)]),
+            ["Cue 'There' was passed 23 cm away."]
         );
         let one = |end: EpisodeEnd, part: &str| {
             let said = said(end, &[residual(true)]);

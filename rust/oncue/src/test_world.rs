@@ -175,6 +175,7 @@ impl World {
         let task = Task {
             start: InitialState::standing("Here", position, start.yaw),
             cue,
+            passes: Vec::new(),
             manipulations: Vec::new(),
         };
         let mut settings = Settings::default();

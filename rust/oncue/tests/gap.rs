@@ -35,6 +35,7 @@ fn through_the_gap() -> Task {
             yaw: 2.8,
             feet: [None; 2],
         },
+        passes: Vec::new(),
         manipulations: Vec::new(),
     }
 }

@@ -48,7 +48,7 @@ fn step(
     hold_seconds: Option<f32>,
 ) -> Step {
     let cue = ActionCue { name: name.into(), action_type, position: position.into(), yaw, feet: [None; 2] };
-    Step { cue, hold_seconds, manipulations: Vec::new() }
+    Step { cue, hold_seconds, passes: Vec::new(), manipulations: Vec::new() }
 }
 
 /// Sits down on the bench, gets up, stops beside the table, and sits down again.

@@ -63,7 +63,7 @@ fn with(settings: &Settings, path: &str, hostile: Value) -> Result<Settings, ser
 fn task(action_type: ActionType, position: Vec3, yaw: f32) -> Task {
     let start = InitialState::standing("Start", Vec3::new(0.0, -1.0, 0.0), 3.0);
     let cue = ActionCue { name: "Cue".into(), action_type, position, yaw, feet: [None; 2] };
-    Task { start, cue, manipulations: Vec::new() }
+    Task { start, cue, passes: Vec::new(), manipulations: Vec::new() }
 }
 
 /// Sits on a bench, through everything that has settings: library, scene, policy, editor.

@@ -40,6 +40,7 @@ fn task(action_type: ActionType) -> Task {
             yaw: if sits { 0.0 } else { 3.0 },
             feet: [None, None],
         },
+        passes: Vec::new(),
         manipulations: Vec::new(),
     }
 }

@@ -91,5 +91,5 @@ fn task(start: [f32; 2], yaw: f32, action_type: ActionType, cue: [f32; 3], cue_y
         yaw: cue_yaw,
         feet: [None; 2],
     };
-    Task { start, cue, manipulations: Vec::new() }
+    Task { start, cue, passes: Vec::new(), manipulations: Vec::new() }
 }

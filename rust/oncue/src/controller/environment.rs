@@ -1,4 +1,4 @@
-//! What episodes are played in: the scene, the library, the task and the clear path to its cue.
+//! What episodes are played in: the scene, the library, the task and the clear way to its cue.
 
 use glam::Vec2;
 
@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::library::Rise;
 use crate::library::database::MotionDatabase;
 use crate::library::feature::PoseFeature;
-use crate::scene::{ClearPath, SceneIndex, SceneSettings};
+use crate::scene::{SceneIndex, SceneSettings, Way};
 use crate::settings::Settings;
 use crate::synthesizer::Character;
 
@@ -25,8 +25,8 @@ pub struct Environment<'a> {
     pub task: &'a Task,
     /// Every constant.
     pub settings: &'a Settings,
-    /// The ways to the cue.
-    pub path: ClearPath,
+    /// The ways to the cue, through the waypoints.
+    pub path: Way,
     /// Where the way from the task's start begins.
     pub departure: Vec2,
     /// How who sits at the start may get up, the likeliest first.
@@ -62,7 +62,7 @@ impl<'a> Environment<'a> {
                  these, or leave them out.",
             ));
         }
-        let path = ClearPath::to_cue(scene, &task.cue);
+        let path = Way::to_cue(scene, &task.passes, &task.cue);
         let (low, high) = scene.bounds();
         let mut starts = Vec::new();
         let step = 0.15;
@@ -71,7 +71,7 @@ impl<'a> Environment<'a> {
             for column in 0..columns {
                 let xy = low.truncate() + Vec2::new(column as f32 + 0.5, row as f32 + 0.5) * step;
                 let grid = scene.occupancy();
-                if grid.is_walkable(xy) && grid.clearance(xy) > 0.28 && path.distance(xy).is_finite() {
+                if grid.is_walkable(xy) && grid.clearance(xy) > 0.28 && path.distance(0, xy).is_finite() {
                     starts.push(xy);
                 }
             }

@@ -21,7 +21,7 @@ use crate::library::{Rise, SEEN_AHEAD, Start};
 use crate::math::Planar;
 use crate::math::capsule::Capsule;
 use crate::math::rotation::wrap_angle;
-use crate::metrics::{ContactError, is_met, is_penetrating};
+use crate::metrics::{ContactError, PASS_DISTANCE, is_met, is_penetrating};
 use crate::motion::speed::accelerations;
 use crate::motion::{FRAME_RATE, JOINT_COUNT, Joint, Motion, Pose, Posture};
 use crate::synthesizer::{Character, PostureOffset};
@@ -55,6 +55,14 @@ const AGAIN_WITHIN: usize = 20;
 
 /// Frames of a step, over which the pace is a mean.
 const STEP_FRAMES: usize = 15;
+
+/// A waypoint is behind whoever is so much farther from it again, having been within `PASS_DISTANCE`, or, of who misses it, having
+/// been nearer than `MISSED`, metres.
+const BEHIND: f32 = 0.02;
+const MISSED_BEHIND: f32 = 0.15;
+const MISSED: f32 = 0.5;
+/// So far the edit may still move who passes a waypoint, metres.
+const LEFT_TO_EDIT: f32 = 0.02;
 
 /// How an episode ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -116,6 +124,10 @@ pub struct Tally {
     pub taste: usize,
     /// It does not begin with a start, although one of the library's leads its way.
     pub unprepared: bool,
+    /// How far from each waypoint it was passed, summed, and at the most, metres.
+    pub passed: f32,
+    /// The most of [`Tally::passed`] of one waypoint.
+    pub worst_pass: f32,
     /// Steps, on the way to the action, of the foot that has just made the step before.
     pub repeated_steps: usize,
     /// Pelvis to the cue at the end, metres, and facing, radians.
@@ -130,6 +142,9 @@ pub struct Episode {
     pub character: Character,
     pub tally: Tally,
     before: Posture,
+    /// Which leg of the way it is on, and how near it has been to that leg's waypoint, metres.
+    pub(super) leg: usize,
+    nearest: f32,
     /// Mean r_coli of the last frames, and where the root was.
     collisions: [f32; 5],
     trail: Vec<Vec2>,
@@ -173,6 +188,8 @@ impl Episode {
         Self {
             before: character.posture,
             trail: vec![character.planar.position],
+            leg: 0,
+            nearest: f32::INFINITY,
             // None, but for the rollouts of a choice.
             tally: Tally { taste: usize::MAX, ..Tally::default() },
             start_until,
@@ -186,6 +203,24 @@ impl Episode {
             record: None,
             character,
         }
+    }
+
+    /// One frame on the way to a waypoint that is so far away now, metres: the next leg begins where that one is behind.
+    fn walk_by(&mut self, away: f32) {
+        let farther = away - self.nearest;
+        self.nearest = self.nearest.min(away);
+        let is_behind = if self.nearest < PASS_DISTANCE { farther > BEHIND } else { farther > MISSED_BEHIND };
+        if is_behind && self.nearest < MISSED {
+            self.pass();
+        }
+    }
+
+    /// On to the next leg.
+    fn pass(&mut self) {
+        self.tally.passed += self.nearest;
+        self.tally.worst_pass = self.tally.worst_pass.max(self.nearest);
+        self.leg += 1;
+        self.nearest = f32::INFINITY;
     }
 
     /// When what happened in it, `complete` being the frame on which it ended.
@@ -233,7 +268,7 @@ impl Environment<'_> {
 
     /// The same, going on from what a standing `body` does.
     fn begin_as(&self, start: Planar, body: Option<&BodyState>, rng: &mut impl Rng) -> Episode {
-        let starts = self.starts_of(start);
+        let starts = self.starts_of(start, 0);
         let idle = &self.database.idle_frames;
         let standing = idle[rng.random_range(0..idle.len())] as usize;
         let starting = !starts.is_empty() && rng.random_range(0..10) < STARTED_OF_TEN;
@@ -249,13 +284,14 @@ impl Environment<'_> {
         episode
     }
 
-    /// The first steps that lead where the way from `start` leads; who has less to go needs none.
-    fn starts_of(&self, start: Planar) -> Vec<&Start> {
-        let remaining = self.path.distance(start.position);
+    /// The first steps that lead where the way from `start`, on a leg, leads; who has less to go needs none.
+    fn starts_of(&self, start: Planar, leg: usize) -> Vec<&Start> {
+        let remaining = self.path.distance(leg, start.position);
         if !remaining.is_finite() || remaining < SEEN_AHEAD {
             return Vec::new();
         }
-        let ahead = self.path.point_ahead(start.position, SEEN_AHEAD) - start.position;
+        let [ahead] = self.path.points_ahead(leg, start.position, [SEEN_AHEAD]);
+        let ahead = ahead - start.position;
         let ahead = start.direction_to_local(ahead).normalize_or_zero();
         self.database.starts.iter().filter(|start| start.way.dot(ahead) > START_LEADS).collect()
     }
@@ -263,8 +299,15 @@ impl Environment<'_> {
     /// s_t and what is open.
     pub fn observe(&self, episode: &Episode, out: &mut [f32]) -> Observation {
         let taste = self.taste(episode.tally.taste);
-        let mut observation =
-            observe(self, &episode.character, &episode.before, episode.likely_action, taste, out);
+        let mut observation = observe(
+            self,
+            &episode.character,
+            &episode.before,
+            episode.leg,
+            episode.likely_action,
+            taste,
+            out,
+        );
         if episode.rising.is_some() {
             // Who sits gets up first.
             observation.action = None;
@@ -282,7 +325,7 @@ impl Environment<'_> {
         let here = episode.character.planar;
         // Who sat did not stand about.
         episode.trail = vec![here.position];
-        let starts = self.starts_of(here);
+        let starts = self.starts_of(here, episode.leg);
         if rising.walks_on || starts.is_empty() {
             return;
         }
@@ -336,6 +379,10 @@ impl Environment<'_> {
         // The paper's R_act belongs to the action; its smoothness terms guard walking's transitions too.
         reward *= smooth;
         if end == Some(EpisodeEnd::Complete) {
+            while let Some(place) = self.path.waypoint(episode.leg) {
+                episode.nearest = episode.nearest.min(place.distance(episode.character.planar.position));
+                episode.pass();
+            }
             let tally = &mut episode.tally;
             let root = episode.character.pose.positions[0];
             let cue = &self.task.cue;
@@ -471,9 +518,9 @@ impl Environment<'_> {
         }
 
         let distance = if settings.reward.geodesic {
-            self.path.distance(place).min(20.0)
+            self.path.distance(episode.leg, place).min(20.0)
         } else {
-            place.distance(self.task.cue.position.truncate())
+            self.path.straight_distance(episode.leg, place)
         };
         let frame = tally.frames;
         episode.collisions[frame % 5] = coli;
@@ -486,6 +533,9 @@ impl Environment<'_> {
         means.regularization +=
             regularization_reward(character.offset_distance / 4.0, change, &settings.reward);
 
+        if let Some(waypoint) = self.path.waypoint(episode.leg) {
+            episode.walk_by(waypoint.distance(place));
+        }
         let termination = &settings.termination;
         let (low, high) = self.scene.bounds();
         if place.cmplt(low.truncate()).any() || place.cmpgt(high.truncate()).any() {
@@ -549,16 +599,19 @@ impl Environment<'_> {
 
     /// Nothing that an artist would mind: the cue met, no limb in the scene, no detour.
     pub fn is_clean(&self, end: EpisodeEnd, tally: &Tally) -> bool {
-        let shortest = self.path.distance(self.departure);
+        let shortest = self.path.distance(0, self.departure);
         self.succeeded(end, tally)
             && tally.penetrating == 0
             && tally.touching * 100 <= tally.frames
             && tally.travelled <= 1.3 * shortest + 0.2
     }
 
-    /// Whether an episode that ended so met its cue: within 10 cm and 20° (the table of the paper's robustness test).
+    /// Whether an episode that ended so met its cue: within 10 cm and 20° (the table of the paper's robustness test); and passed its
+    /// waypoints.
     pub fn succeeded(&self, end: EpisodeEnd, tally: &Tally) -> bool {
-        end == EpisodeEnd::Complete && is_met(tally.residual, tally.facing)
+        end == EpisodeEnd::Complete
+            && is_met(tally.residual, tally.facing)
+            && tally.worst_pass < PASS_DISTANCE - LEFT_TO_EDIT
     }
 }
 
@@ -754,6 +807,38 @@ mod tests {
     }
 
     #[test]
+    fn a_waypoint_is_behind_once_it_has_been_passed() {
+        let mut world = walker(&[], Planar::default());
+        let by = |y: f32| crate::PassCue { name: "By".into(), position: Vec3::new(0.05, y, 0.0) };
+        world.task.passes = vec![by(-0.6), by(-1.2)];
+        let environment = world.environment();
+        let mut episode = begin(&environment);
+        repeat(&environment, &mut episode, &walk_on(&world.settings), 3);
+        assert_eq!(episode.leg, 1, "at {}", episode.character.planar.position);
+        repeat(&environment, &mut episode, &walk_on(&world.settings), 3);
+        // Five centimetres aside of each.
+        assert_eq!(episode.leg, 2);
+        close(episode.tally.passed, 0.10, 0.02);
+        close(episode.tally.worst_pass, 0.05, 0.01);
+        let met = Tally { residual: 0.0, facing: 0.0, ..episode.tally };
+        assert!(environment.succeeded(EpisodeEnd::Complete, &met));
+        let missed = Tally { worst_pass: 0.14, ..met };
+        assert!(!environment.succeeded(EpisodeEnd::Complete, &missed));
+
+        // Who starts beside one and goes there has not passed it; who goes by at 30 cm has, and missed it.
+        let walked = |away: &[f32]| {
+            let mut episode = begin(&environment);
+            away.iter().for_each(|away| episode.walk_by(*away));
+            (episode.leg, episode.tally.worst_pass)
+        };
+        assert_eq!(walked(&[0.30, 0.33, 0.36, 0.2, 0.1, 0.08]).0, 0);
+        assert_eq!(walked(&[0.10, 0.09, 0.10]).0, 0);
+        assert_eq!(walked(&[0.10, 0.09, 0.12]), (1, 0.09));
+        assert_eq!(walked(&[0.40, 0.30, 0.50]), (1, 0.30));
+        assert_eq!(walked(&[0.90, 0.80, 1.20]).0, 0);
+    }
+
+    #[test]
     fn an_episode_has_a_longest() {
         let mut world = walker(&[], Planar::default());
         world.settings.termination.longest = 34;
@@ -881,7 +966,7 @@ mod tests {
         let mut sum = 0.0;
         for posture in &motion.postures {
             let place = posture.root_position.truncate();
-            let near = (-environment.path.distance(place) / s.sigma_root).exp();
+            let near = (-environment.path.distance(0, place) / s.sigma_root).exp();
             let fast = (place.distance(last) / s.velocity_threshold).powi(2).min(1.0);
             sum += near * fast;
             last = place;

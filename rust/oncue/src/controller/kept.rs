@@ -362,9 +362,9 @@ fn record(environment: &Environment, candidate: &Candidate) -> (Episode, usize) 
 /// What an artist would mind in it, in one number ([`CostWeights`]): a missed cue most, then limbs in furniture, then visible
 /// transitions and jolts, feet that creep, legs that hurry, detours and dawdling.
 fn cost(environment: &Environment, end: EpisodeEnd, episode: &Episode) -> f32 {
-    let way = |xy| environment.path.distance(xy).min(FARTHEST_WAY);
-    let shortest = way(environment.departure);
-    let left = way(episode.character.planar.position);
+    let way = |leg, xy| environment.path.distance(leg, xy).min(FARTHEST_WAY);
+    let shortest = way(0, environment.departure);
+    let left = way(episode.leg, episode.character.planar.position);
     let met = environment.succeeded(end, &episode.tally);
     cost_of(&episode.tally, end, met, left, shortest, &environment.settings.kept.weights)
 }
@@ -378,7 +378,7 @@ fn cost_of(tally: &Tally, end: EpisodeEnd, met: bool, left: f32, shortest: f32, 
     }
     let missed = if met { 0.0 } else { w.missed };
     missed
-        + w.residual * tally.residual
+        + w.residual * (tally.residual + tally.passed)
         + w.facing * tally.facing
         + w.penetrating * tally.penetrating as f32
         + w.touching * tally.touching as f32
@@ -493,6 +493,8 @@ mod tests {
             unprepared: true,
             repeated_steps: 2,
             residual: 0.06,
+            passed: 0.21,
+            worst_pass: 0.13,
             facing: 0.17,
         }
     }
@@ -502,7 +504,7 @@ mod tests {
         let (t, w) = (tally(), weights());
         close(t.contact.mean(), 0.005, 1e-6);
         let parts = [
-            31.0 * 0.06,
+            31.0 * (0.06 + 0.21),
             4.1 * 0.17,
             0.51 * 3.0,
             0.23 * 7.0,
@@ -578,7 +580,7 @@ mod tests {
         let kept = keep_motion(&environment, &world.proposed(), 3, &Progress::new()).expect("not cancelled");
         assert_eq!(kept.end, EpisodeEnd::Complete);
         assert!(environment.is_clean(kept.end, &kept.tally), "{:?}", kept.tally);
-        let shortest = environment.path.distance(Vec2::ZERO);
+        let shortest = environment.path.distance(0, Vec2::ZERO);
         let cost = cost_of(&kept.tally, kept.end, true, 0.0, shortest, &world.settings.kept.weights);
         close(kept.cost, cost, 1e-4);
         let root = kept.motion.postures[kept.moments.complete].root_position;
@@ -594,7 +596,7 @@ mod tests {
         let played = rollout(&environment, &policy, 1, 0, 0);
         assert_eq!((played.end, played.tally.frames), (EpisodeEnd::TooLong, 20));
         let episode = record(&environment, &played).0;
-        let left = environment.path.distance(episode.character.planar.position);
+        let left = environment.path.distance(0, episode.character.planar.position);
         assert!(left > 1.0 && left < 2.01, "{left}");
         let w = &world.settings.kept.weights;
         close(played.cost, w.incomplete + w.way_left * left - 20.0 / 30.0, 1e-2);

@@ -89,6 +89,16 @@ impl SignalSettings {
     }
 }
 
+/// The goal nearest to `goal` by which the glide there is within `near` of `place` at the part `s` of it, metres. Early in a glide a
+/// goal has so little say that it is moved no farther than it would be at a third of the way.
+pub(crate) fn goal_through(goal: Vec2, velocity: Vec2, place: Vec2, s: f32, near: f32) -> Vec2 {
+    let miss = place - glide(goal, velocity, s);
+    let beyond = (miss.length() - near).max(0.0);
+    // How far the glide goes along with its goal.
+    let say = |s: f32| s * s * (2.0 - s);
+    goal + miss.normalize_or_zero() * beyond / say(s).max(say(1.0 / 3.0))
+}
+
 /// A smooth way to `goal` (reached at s = 1, one second) that begins with `velocity` and ends at the mean pace.
 fn glide(goal: Vec2, velocity: Vec2, s: f32) -> Vec2 {
     let (s2, s3) = (s * s, s * s * s);
@@ -134,6 +144,19 @@ mod tests {
         vector[..3].copy_from_slice(&[3.0, 4.0, -7.0]);
         let far = settings.decode(ActionType::Walk, &vector, Vec2::ZERO).future[2];
         assert!(far.position.distance(Vec2::new(0.96, 1.28)) < 1e-5 && (far.yaw + 2.2).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_glide_is_led_through_a_place() {
+        let (goal, velocity) = (Vec2::new(0.6, -0.5), Vec2::new(0.1, -1.1));
+        for (place, s) in [(Vec2::new(0.0, -0.6), 0.5), (Vec2::new(0.2, -0.9), 0.9)] {
+            let found = goal_through(goal, velocity, place, s, 0.05);
+            assert!((glide(found, velocity, s).distance(place) - 0.05).abs() < 1e-4);
+            assert!(goal_through(found, velocity, place, s, 0.06).distance(found) < 1e-5, "near enough");
+        }
+        // Hardly begun it is moved a little, not far away.
+        let late = goal_through(goal, velocity, Vec2::new(0.1, -0.1), 0.05, 0.0);
+        assert!(late.distance(goal) < 1.0, "{late}");
     }
 
     #[test]

@@ -10,6 +10,7 @@ use glam::Vec2;
 
 use super::environment::Environment;
 use super::policy::TYPE_COUNT;
+use super::signal::goal_through;
 use super::taste::Taste;
 use crate::action::ActionType;
 use crate::library::database::FrameMatch;
@@ -21,6 +22,13 @@ use crate::motion::{FRAME_RATE, Posture};
 use crate::settings::StateSettings;
 use crate::synthesizer::Character;
 
+/// The next second's glide passes a waypoint that it gets to no farther away than this, metres: nearer, and it would go straight to it
+/// and turn there; farther, and what the feet make of it would miss it.
+const ROUNDS_AT: f32 = 0.05;
+/// A way that is no more than this much longer than the straight line leads straight to its waypoint, metres.
+const STRAIGHT: f32 = 0.08;
+/// A sit or stop may be entered before the waypoints that lie so near to the straight line to its cue, metres: it passes them.
+const ON_LINE: f32 = 0.08;
 /// This near to where one stands before a seat that is entered from its side one turns the back to it, metres.
 const ARRIVAL_DISTANCE: f32 = 0.25;
 
@@ -72,12 +80,14 @@ const WAY_AHEAD: [f32; 3] = [0.5, 1.0, 2.0];
 /// Cue: place (near and far scale), facing, height, distance; the open action; the type asked for.
 const INTERACTION_SIZE: usize = 2 + 2 + 2 + 1 + 1 + 5 + ActionType::CUE_COUNT;
 
-/// Writes s_t to `out` (as long as [`state_size`]) and says what is open and proposed. `likely`: a database frame near
+/// Writes s_t to `out` (as long as [`state_size`]) and says what is open and proposed. `leg`: of the way, that the character is on;
+/// `likely`: a database frame near
 /// which the best sit or stop may be found; it only speeds that up. `taste`: what is entered rather than something else.
 pub(crate) fn observe(
     environment: &Environment,
     character: &Character,
     before: &Posture,
+    leg: usize,
     likely: Option<usize>,
     taste: &Taste,
     out: &mut [f32],
@@ -140,7 +150,9 @@ pub(crate) fn observe(
     }
     push(environment.task.cue.position.z - character.floor);
     push((distance / 3.0).min(2.0));
-    let action = find_action(environment, character, &query, distance, likely, taste);
+    let action = leads_to_cue(environment, leg, here.position)
+        .then(|| find_action(environment, character, &query, distance, likely, taste))
+        .flatten();
     let a = action.as_ref();
     push(a.map_or(0.0, |a| f32::from(u8::from(a.accepted))));
     push(a.map_or(2.0, |a| a.position.min(2.0)));
@@ -150,22 +162,22 @@ pub(crate) fn observe(
     let wanted = environment.task.cue.action_type;
     ActionType::of_cues().for_each(|action_type| push(f32::from(u8::from(wanted == action_type))));
 
-    let remaining = environment.path.distance(here.position);
+    let path = &environment.path;
+    let remaining = path.distance(leg, here.position);
     // One second ahead at the pace, slower over the last half metre, and a look beyond.
     let stride = settings.signal.pace * taste.pace * (remaining / 0.6).clamp(0.35, 1.0);
     let follows = settings.state.clear_path || settings.signal.propose_clear_path;
     let [stride_end, beyond, way @ ..] = if follows {
-        environment
-            .path
-            .points_ahead(here.position, [stride, stride + 0.3, WAY_AHEAD[0], WAY_AHEAD[1], WAY_AHEAD[2]])
+        let ahead = [stride, stride + 0.3, WAY_AHEAD[0], WAY_AHEAD[1], WAY_AHEAD[2]];
+        path.points_ahead(leg, here.position, ahead)
     } else {
         [here.position; 5]
     };
     // Only a seat that is entered from its side is faced otherwise than the cue, and only close by does it matter: where
     // the farthest look ahead is the end of the way.
-    let arrival = (follows && remaining < WAY_AHEAD[2] && environment.path.from_the_side())
-        .then(|| environment.path.arrival_at(way[2]))
-        .flatten();
+    let passed = path.waypoint(leg);
+    let arrives = follows && passed.is_none() && remaining < WAY_AHEAD[2] && path.last().from_the_side();
+    let arrival = arrives.then(|| path.last().arrival_at(way[2])).flatten();
     if settings.state.clear_path {
         push((remaining / 3.0).min(3.0));
         for (ahead, point) in WAY_AHEAD.into_iter().zip(way) {
@@ -185,8 +197,14 @@ pub(crate) fn observe(
     allowed[wanted.index()] |= accepted;
     let mut proposal = vec![0.0; TYPE_COUNT + settings.signal.vector_size()];
     if settings.signal.propose_clear_path {
-        let way = Way { remaining, stride_end, beyond, arrival };
-        propose(environment, here, velocity, &way, a, &mut proposal);
+        let near = |place: &Vec2| {
+            let straight = here.position.distance(*place);
+            straight < stride && path.leg(leg).distance(here.position) < straight + STRAIGHT
+        };
+        let waypoint = passed.filter(near);
+        let way = WayAhead { remaining, stride, stride_end, beyond, waypoint, arrival };
+        let goal = path.leg(leg).goal();
+        propose(environment, here, velocity, &way, goal, a, &mut proposal);
     }
     Observation { allowed, proposal, query: Some(Box::new(query)), action }
 }
@@ -240,13 +258,25 @@ fn find_action(
     best_of(taste.passed_over(cue.action_type))
 }
 
+/// Whether who goes straight to the cue from here passes the waypoints that are left.
+fn leads_to_cue(environment: &Environment, leg: usize, here: Vec2) -> bool {
+    let way = environment.path.last().goal() - here;
+    environment.path.waypoints(leg).all(|place| {
+        let along = ((place - here).dot(way) / way.length_squared().max(1e-6)).clamp(0.0, 1.0);
+        place.distance(here + along * way) < ON_LINE
+    })
+}
+
 /// The way to the cue from where the character is.
-struct Way {
+struct WayAhead {
     /// Metres.
     remaining: f32,
-    /// Where a second's walk along it ends, and a place beyond.
+    /// How far a second's walk along it leads, metres, where that ends, and a place beyond.
+    stride: f32,
     stride_end: Vec2,
     beyond: Vec2,
+    /// The waypoint that a second's walk straight ahead gets to.
+    waypoint: Option<Vec2>,
     /// Where to stand, and which way to face, before a seat that is entered from its side.
     arrival: Option<Planar>,
 }
@@ -256,7 +286,8 @@ fn propose(
     environment: &Environment,
     here: Planar,
     velocity: Vec2,
-    way: &Way,
+    way: &WayAhead,
+    goal: Vec2,
     action: Option<&ActionMatch>,
     out: &mut [f32],
 ) {
@@ -270,8 +301,15 @@ fn propose(
     } else {
         types[wanted] = -4.0;
     }
-    let ahead = if way.remaining.is_finite() { way.stride_end } else { environment.path.goal() };
+    let ahead = if way.remaining.is_finite() { way.stride_end } else { goal };
     let local = here.point_to_local(ahead);
+    if let Some(place) = way.waypoint {
+        let onward = here.direction_to_local(way.beyond - place);
+        let (goal, facing) = round(here.point_to_local(place), onward, local, velocity, way.stride);
+        let turn = facing.clamp(-settings.largest_turn, settings.largest_turn);
+        settings.encode_goal(goal, turn, velocity, vector);
+        return;
+    }
     let arrived = match way.arrival {
         Some(arrival) => here.position.distance(arrival.position) < ARRIVAL_DISTANCE,
         None => way.remaining < 0.45,
@@ -284,9 +322,30 @@ fn propose(
     };
     let facing = wrap_angle(facing - here.yaw);
     let turn = facing.clamp(-settings.largest_turn, settings.largest_turn);
-    // Nobody walks off backwards: a large turn shortens the stride.
-    let slow = (1.25 - facing.abs() / PI).clamp(0.2, 1.0);
-    settings.encode_goal(local * slow, turn, velocity, vector);
+    settings.encode_goal(local * shortening(facing), turn, velocity, vector);
+}
+
+/// Nobody walks off backwards: a large turn shortens the stride.
+fn shortening(facing: f32) -> f32 {
+    (1.25 - facing.abs() / PI).clamp(0.2, 1.0)
+}
+
+/// How the waypoint at `place` is rounded, from where it leads `onward`: the goal of the next second, and the facing there. Who
+/// made for where the way leads in a second, `ahead`, would cut the corner. All is person-centric; `stride`: metres.
+fn round(place: Vec2, onward: Vec2, ahead: Vec2, velocity: Vec2, stride: f32) -> (Vec2, f32) {
+    let away = place.length();
+    // Of the bend so much is turned by then as is left of the second once the waypoint is passed.
+    let bend = place.perp_dot(onward).atan2(place.dot(onward));
+    let most = PI * (1.0 - away / stride).max(0.0);
+    let facing = wrap_angle(place.to_angle() + bend.clamp(-most, most) + PI / 2.0);
+    let slow = shortening(facing);
+    let stride = stride * slow;
+    let goal = if away >= stride {
+        place * (stride / away)
+    } else {
+        goal_through(ahead * slow, velocity, place, away / stride, ROUNDS_AT).clamp_length_max(stride)
+    };
+    (goal, facing)
 }
 
 #[cfg(test)]
@@ -307,7 +366,7 @@ mod tests {
         let environment = world.environment();
         let mut out = vec![f32::NAN; environment.state_size()];
         let observation =
-            observe(&environment, character, &character.posture, None, &Taste::default(), &mut out);
+            observe(&environment, character, &character.posture, 0, None, &Taste::default(), &mut out);
         assert!(out.iter().all(|v| v.is_finite()));
         (out, observation)
     }
@@ -439,7 +498,7 @@ mod tests {
         let before = character.posture;
         character.posture.rotations[1] = glam::Quat::from_rotation_z(0.1);
         let mut out = vec![f32::NAN; size];
-        observe(&environment, &character, &before, None, &Taste::default(), &mut out);
+        observe(&environment, &character, &before, 0, None, &Taste::default(), &mut out);
         let rotations = &out[BODY_SIZE..];
         // The first columns of a turn by 0.1 about Z, and a fifth of their speed.
         let (sin, cos) = 0.1f32.sin_cos();
@@ -554,6 +613,51 @@ mod tests {
     }
 
     #[test]
+    fn a_waypoint_is_rounded_and_not_cut() {
+        let ahead = Vec2::new(0.0, -1.1);
+        // Straight on it is no matter.
+        let (goal, facing) = round(Vec2::new(0.0, -0.5), Vec2::new(0.0, -0.6), ahead, ahead, 1.1);
+        close(goal.distance(ahead), 0.0, 1e-3);
+        close(facing, 0.0, 1e-4);
+        // Half a metre before a bend to the left, +X for who faces -Y.
+        let (place, onward) = (Vec2::new(0.0, -0.5), Vec2::new(0.6, 0.0));
+        let cut = place + onward;
+        let (goal, facing) = round(place, onward, cut, ahead, 1.1);
+        let passes_at = |goal: Vec2| {
+            let v = ahead;
+            let glide = |s: f32| goal * (2.0 * s * s - s.powi(3)) + v * (s - 2.0 * s * s + s.powi(3));
+            (0..=100).map(|i| glide(i as f32 / 100.0).distance(place)).fold(f32::INFINITY, f32::min)
+        };
+        assert!(passes_at(goal) < 0.08 && passes_at(cut) > 0.1, "{} {}", passes_at(goal), passes_at(cut));
+        // The turn is made by then, and it goes on to where the way leads.
+        close(facing, FRAC_PI_2, 1e-4);
+        assert!(goal.x > 0.05, "{goal}");
+        // The other side is the mirror image.
+        let mirrored = |v: Vec2| Vec2::new(-v.x, v.y);
+        let (other, turned) = round(mirrored(place), mirrored(onward), mirrored(cut), ahead, 1.1);
+        assert!(other.distance(mirrored(goal)) < 1e-4);
+        close(turned, -facing, 1e-4);
+        // Who is to come back goes there first.
+        let (goal, _) = round(Vec2::new(0.0, -0.8), Vec2::new(0.0, 1.0), Vec2::new(0.0, -0.5), ahead, 1.1);
+        assert!(goal.y < -0.6, "{goal}");
+    }
+
+    #[test]
+    fn no_sit_or_stop_is_entered_before_a_waypoint_that_it_would_not_pass() {
+        let at = |x: f32| {
+            let mut world = World::stop_ahead(0.5);
+            world.task.passes = vec![crate::PassCue { name: "By".into(), position: Vec3::new(x, -0.3, 0.0) }];
+            let mut character = Character::standing(database(), frame_of("walk", 0), Planar::default(), 0.0);
+            for _ in 0..5 {
+                character.advance(database(), &Default::default());
+            }
+            look(&world, &character).1.action.is_some()
+        };
+        assert!(at(0.0) && at(0.07), "on the line");
+        assert!(!at(0.2) && !at(-0.2));
+    }
+
+    #[test]
     fn the_clear_way_is_proposed() {
         // Two metres to the left of who faces -Y.
         let world = World::new(&[], Planar::default(), stop_cue(Vec2::new(2.0, 0.0), 0.3));
@@ -619,7 +723,7 @@ mod tests {
         let mut cue = sit_cue();
         cue.position = Vec3::new(0.0, 0.0, 0.56);
         let mut world = World::new(&boxes, Planar::new(Vec2::new(2.0, 0.0), -FRAC_PI_2), cue);
-        let way = world.environment().path.clone();
+        let way = world.environment().path.last().clone();
         assert!(way.from_the_side());
         let end_from = |place| way.arrival_at(way.point_ahead(place, 2.0)).expect("a place to stand");
         let arrival = end_from(end_from(Vec2::new(0.6, 0.0)).position);

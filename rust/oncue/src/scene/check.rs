@@ -5,8 +5,9 @@ use glam::{Vec2, Vec3};
 use super::SceneIndex;
 use super::clear_path::ClearPath;
 use super::levels::{floor_around, nowhere_to_stand, on_another_level};
-use crate::action::{ActionType, Approach};
-use crate::cue::{ActionCue, BodyState, Task};
+use super::way::Way;
+use crate::action::Approach;
+use crate::cue::{ActionCue, BodyState, PassCue, Task};
 use crate::error::{Error, Result};
 use crate::math::planar::rotate;
 use crate::motion::Posture;
@@ -36,6 +37,7 @@ const INSIDE: f32 = 0.12;
 pub fn check_task(scene: &SceneIndex, task: &Task) -> Result<()> {
     check_start(scene, task)?;
     check_feet(&task.cue)?;
+    task.passes.iter().try_for_each(|pass| check_pass(scene, &task.start.name, pass))?;
     let spec = task.cue.action_type.spec();
     if !spec.has_cue {
         return Err(Error::input(format!(
@@ -45,16 +47,26 @@ pub fn check_task(scene: &SceneIndex, task: &Task) -> Result<()> {
     }
     let checked = match spec.approach {
         Approach::Seat => check_seat(scene, &task.cue),
-        Approach::Place => check_place(scene, &task.cue),
+        Approach::Place => check_place(scene, &task.cue, spec.name),
     };
-    let checked = checked.and_then(|()| check_way(scene, task));
+    let checked = checked.and_then(|()| check_ways(scene, task));
     // The height of a place to stand says nothing, so that a way may lead under it or over it.
     let may_be_elsewhere = checked.is_err() || spec.approach == Approach::Place;
-    match on_another_level(scene, task).filter(|_| may_be_elsewhere) {
+    match on_another_level(scene, &task.cue, spec.name, &task.start.name).filter(|_| may_be_elsewhere) {
         Some(error) => Err(error),
         None => checked,
     }
 }
+
+/// Whether a person can walk over a waypoint.
+fn check_pass(scene: &SceneIndex, start: &str, pass: &PassCue) -> Result<()> {
+    let place = pass.as_stop();
+    let checked = check_place(scene, &place, PASS);
+    on_another_level(scene, &place, PASS, start).map_or(checked, Err)
+}
+
+/// A waypoint's kind in sentences.
+const PASS: &str = "Pass";
 
 fn check_start(scene: &SceneIndex, task: &Task) -> Result<()> {
     let (start, place) = (&task.start, task.start.position);
@@ -186,25 +198,25 @@ fn check_cue_place(scene: &SceneIndex, cue: &ActionCue, kind: &str) -> Result<()
     Ok(())
 }
 
-fn check_place(scene: &SceneIndex, cue: &ActionCue) -> Result<()> {
-    check_cue_place(scene, cue, "Stop")?;
+fn check_place(scene: &SceneIndex, cue: &ActionCue, kind: &str) -> Result<()> {
+    check_cue_place(scene, cue, kind)?;
     let xy = cue.position.truncate();
     if scene.occupancy().is_occupied(xy) {
         return Err(Error::input(format!(
-            "Stop cue ‘{}’ stands inside furniture or a wall; move it to a free place on the floor.",
+            "{kind} cue ‘{}’ stands inside furniture or a wall; move it to a free place on the floor.",
             cue.name
         )));
     }
     if !scene.occupancy().is_walkable(xy) {
         return Err(Error::input(format!(
-            "Stop cue ‘{}’ has no floor under it; move it onto the floor.",
+            "{kind} cue ‘{}’ has no floor under it; move it onto the floor.",
             cue.name
         )));
     }
     let room = scene.occupancy().clearance(xy);
     if room < scene.settings().blocked_clearance {
         return Err(Error::input(format!(
-            "Stop cue ‘{}’ has only {:.0} cm of room around it; a person needs {:.0} cm.",
+            "{kind} cue ‘{}’ has only {:.0} cm of room around it; a person needs {:.0} cm.",
             cue.name,
             100.0 * room,
             100.0 * scene.settings().blocked_clearance
@@ -300,26 +312,35 @@ pub(super) fn inside(scene: &SceneIndex, cue: &ActionCue) -> Option<String> {
     })
 }
 
-fn check_way(scene: &SceneIndex, task: &Task) -> Result<()> {
-    let cue = &task.cue;
-    let ways = ClearPath::to_cue(scene, cue);
-    if ways.approach_points().is_empty() {
-        return Err(nowhere_to_stand(scene, cue));
+/// Whether a way leads to the cue, by its waypoints in their order.
+fn check_ways(scene: &SceneIndex, task: &Task) -> Result<()> {
+    let way = Way::to_cue(scene, &task.passes, &task.cue);
+    if way.last().approach_points().is_empty() {
+        return Err(nowhere_to_stand(scene, &task.cue));
     }
-    let from = ways.departure(scene, &task.start);
+    let mut from = (way.departure(scene, &task.start), format!("start ‘{}’", task.start.name));
+    for (leg, pass) in task.passes.iter().enumerate() {
+        check_way(scene, way.leg(leg), from, PASS, &pass.name)?;
+        from = (pass.place(), format!("pass cue ‘{}’", pass.name));
+    }
+    check_way(scene, way.last(), from, task.cue.action_type.spec().name, &task.cue.name)
+}
+
+/// `from`: a place, and whose it is; `ways` lead to a cue of that kind and name.
+fn check_way(
+    scene: &SceneIndex,
+    ways: &ClearPath,
+    (from, whose): (Vec2, String),
+    kind: &str,
+    name: &str,
+) -> Result<()> {
     if ways.distance(from).is_finite() {
         return Ok(());
     }
     // Which of the two is shut in: look from the start at how near a clear way comes.
-    let start = ActionCue {
-        name: task.start.name.clone(),
-        action_type: ActionType::Stop,
-        position: from.extend(task.start.position.z),
-        yaw: task.start.yaw,
-        feet: [None; 2],
-    };
+    let start = PassCue { name: whose.clone(), position: from.extend(scene.floor_height()) }.as_stop();
     let from_start = ClearPath::to_cue(scene, &start);
-    let goal = cue.position.truncate();
+    let goal = ways.goal();
     let grid = scene.occupancy();
     let nearest = (0..grid.raster.len())
         .filter(|&i| grid.clearance_cells()[i] >= scene.settings().blocked_clearance)
@@ -327,15 +348,13 @@ fn check_way(scene: &SceneIndex, task: &Task) -> Result<()> {
         .filter(|&p| from_start.distance(p).is_finite())
         .map(|p| p.distance(goal))
         .fold(f32::INFINITY, f32::min);
-    let kind = cue.action_type.spec().name;
     let ends = if nearest.is_finite() {
         format!("the floor that is free for a person ends {nearest:.2} m from the cue")
     } else {
-        "the start has no room around it".to_owned()
+        format!("{whose} has no room around it")
     };
     Err(Error::Unreachable(format!(
-        "{kind} cue ‘{}’ cannot be reached from start ‘{}’: {ends}; open a door or clear a way at least 30 cm wide.",
-        cue.name, task.start.name
+        "{kind} cue ‘{name}’ cannot be reached from {whose}: {ends}; open a door or clear a way at least 30 cm wide."
     )))
 }
 
@@ -351,6 +370,7 @@ pub(super) fn support(scene: &SceneIndex, xy: Vec2, from: f32, radius: f32) -> O
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::action::ActionType;
     use crate::test_world::{Boxes, World, room, sit_cue, stop_cue};
     use std::f32::consts::FRAC_PI_2;
 
@@ -384,6 +404,35 @@ mod tests {
             if part.is_empty() { said.is_empty() } else { said.contains(part) },
             "“{said}”, not “{part}”"
         );
+    }
+
+    #[test]
+    fn a_waypoint_is_a_place_that_one_can_walk_over() {
+        // A box, a platform, and a wall that shuts off a corner.
+        let scene = room(&[
+            ([0.5, -1.5, 0.0], [1.1, -0.9, 0.5]),
+            ([1.0, 1.0, 0.0], [2.5, 2.5, 0.40]),
+            ([-3.0, 1.0, 0.0], [-1.0, 1.1, 2.0]),
+            ([-1.1, 1.0, 0.0], [-1.0, 3.0, 2.0]),
+        ]);
+        let by =
+            |name: &str, x: f32, y: f32, z: f32| PassCue { name: name.into(), position: Vec3::new(x, y, z) };
+        let with = |passes: &[PassCue]| Task { passes: passes.to_vec(), ..to_stop(Vec2::new(0.0, -2.0)) };
+        let fine = by("Fine", -1.0, -1.0, 0.0);
+        says(&scene, &with(std::slice::from_ref(&fine)), "");
+        says(
+            &scene,
+            &with(&[fine.clone(), by("In", 0.8, -1.2, 0.0)]),
+            "Pass cue ‘In’ stands inside furniture",
+        );
+        says(&scene, &with(&[by("Out", 9.0, 0.0, 0.0)]), "Pass cue ‘Out’ lies outside the scene");
+        says(&scene, &with(&[by("Under", 0.0, 0.5, -1.0)]), "Pass cue ‘Under’ lies 1.00 m below the floor");
+        says(&scene, &with(&[by("Up", 1.8, 1.8, 0.4)]), "Pass cue ‘Up’ stands on another level than start");
+        says(&scene, &with(&[by("None", f32::NAN, 0.0, 0.0)]), "Pass cue ‘None’ has a place");
+        says(&scene, &with(&[by("By", 0.5 - 0.05, -1.2, 0.0)]), "Pass cue ‘By’ has only");
+        let shut = by("Shut", -2.0, 2.0, 0.0);
+        let said = said(&scene, &with(&[fine, shut]));
+        assert!(said.contains("Pass cue ‘Shut’ cannot be reached from pass cue ‘Fine’"), "{said}");
     }
 
     #[test]

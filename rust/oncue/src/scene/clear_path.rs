@@ -197,23 +197,7 @@ impl ClearPath {
 
     /// [`ClearPath::point_ahead`] for several distances in one walk along the path.
     pub fn points_ahead<const N: usize>(&self, xy: Vec2, distances: [f32; N]) -> [Vec2; N] {
-        let mut order: [usize; N] = std::array::from_fn(|i| i);
-        order.sort_unstable_by(|a, b| distances[*a].total_cmp(&distances[*b]));
-        let mut points = [xy; N];
-        let (mut next, mut gone, mut last) = (0, 0.0, xy);
-        self.follow(xy, |point| {
-            let step = point.distance(last);
-            while next < N && gone + step >= distances[order[next]] {
-                let part = if step > 0.0 { (distances[order[next]] - gone) / step } else { 0.0 };
-                points[order[next]] = last.lerp(point, part.clamp(0.0, 1.0));
-                next += 1;
-            }
-            gone += step;
-            last = point;
-            next < N
-        });
-        order[next..].iter().for_each(|i| points[*i] = last);
-        points
+        points_along(xy, distances, |visit| self.follow(xy, visit))
     }
 
     /// The clear path from `from` to the cue's approach point (a stop's place): points about half a cell apart,
@@ -239,7 +223,7 @@ impl ClearPath {
     }
 
     /// Steepest descent of the travel time, to the approach point; `visit` returns false to stop.
-    fn follow(&self, from: Vec2, mut visit: impl FnMut(Vec2) -> bool) {
+    pub(super) fn follow(&self, from: Vec2, mut visit: impl FnMut(Vec2) -> bool) {
         let step = 0.5 * self.raster.cell;
         let look = |at: Vec2| {
             let stencil = self.raster.stencil(at)?;
@@ -296,6 +280,32 @@ impl ClearPath {
             .filter(|&i| self.times.time[i].is_finite())
             .min_by(|&a, &b| self.times.time[a].total_cmp(&self.times.time[b]))
     }
+}
+
+/// The points so far from `xy` along a way; its end where it is shorter. `follow` walks along it, point by point, for as long as what
+/// it is given returns true.
+pub(super) fn points_along<const N: usize>(
+    xy: Vec2,
+    distances: [f32; N],
+    follow: impl FnOnce(&mut dyn FnMut(Vec2) -> bool),
+) -> [Vec2; N] {
+    let mut order: [usize; N] = std::array::from_fn(|i| i);
+    order.sort_unstable_by(|a, b| distances[*a].total_cmp(&distances[*b]));
+    let mut points = [xy; N];
+    let (mut next, mut gone, mut last) = (0, 0.0, xy);
+    follow(&mut |point| {
+        let step = point.distance(last);
+        while next < N && gone + step >= distances[order[next]] {
+            let part = if step > 0.0 { (distances[order[next]] - gone) / step } else { 0.0 };
+            points[order[next]] = last.lerp(point, part.clamp(0.0, 1.0));
+            next += 1;
+        }
+        gone += step;
+        last = point;
+        next < N
+    });
+    order[next..].iter().for_each(|i| points[*i] = last);
+    points
 }
 
 /// Cost of a metre with so much room: 1 in free space, rising smoothly to `NARROW_COST`, then steeply.

@@ -8,7 +8,7 @@ use super::SceneIndex;
 use super::check::{FLOATING, SEAT, START_TOLERANCE, inside, seat_under, support};
 use super::clear_path::approach_points;
 use crate::action::Approach;
-use crate::cue::{ActionCue, Task};
+use crate::cue::ActionCue;
 use crate::error::Error;
 use crate::math::rotation::wrap_angle;
 
@@ -25,10 +25,14 @@ const EDGE_STEP: f32 = 0.025;
 /// The pelvis of who sits on an edge is so far behind it, metres.
 const BEHIND_EDGE: f32 = 0.22;
 
-/// What to say of a cue that stands on another floor than the start does; `None` where it does not, or where it stands on
+/// What to say of a cue of that kind that stands on another floor than the start does; `None` where it does not, or where it stands on
 /// nothing that could be told.
-pub(super) fn on_another_level(scene: &SceneIndex, task: &Task) -> Option<Error> {
-    let cue = &task.cue;
+pub(super) fn on_another_level(
+    scene: &SceneIndex,
+    cue: &ActionCue,
+    kind: &str,
+    start: &str,
+) -> Option<Error> {
     let there = match cue.action_type.spec().approach {
         Approach::Seat => {
             let seat = seat_under(scene, cue).filter(|seat| cue.position.z - seat <= FLOATING)?;
@@ -46,12 +50,10 @@ pub(super) fn on_another_level(scene: &SceneIndex, task: &Task) -> Option<Error>
     ((there - here).abs() > step).then(|| {
         let (there, here) = (hundredths(there), hundredths(here));
         Error::Unreachable(format!(
-            "{} cue ‘{}’ stands on another level than start ‘{}’: the floor there is at z = {there:.2} m, that of the start at \
+            "{kind} cue ‘{}’ stands on another level than start ‘{start}’: the floor there is at z = {there:.2} m, that of the start at \
              z = {here:.2} m, and the person takes no stairs and no step higher than {:.0} cm; move one of the two to the other's \
              level.",
-            cue.action_type.spec().name,
             cue.name,
-            task.start.name,
             100.0 * step
         ))
     })

@@ -46,6 +46,7 @@ mod tests;
 mod tree_nodes;
 mod tree_references;
 mod triangle_tree;
+mod way;
 
 pub use capsule_depth::SceneContact;
 pub use check::{check_task, short_of_knee_room};
@@ -54,6 +55,7 @@ pub use moving::{BODY_REACH, MovingObject};
 pub use occupancy::OccupancyGrid;
 pub use raster::Raster;
 pub use settings::SceneSettings;
+pub use way::Way;
 
 use std::cell::RefCell;
 

@@ -93,7 +93,12 @@ fn stop(x: f32, y: f32) -> ActionCue {
 }
 
 fn task(start: Vec3, cue: ActionCue) -> Task {
-    Task { start: InitialState::standing("Here", start, 0.0), cue, manipulations: Vec::new() }
+    Task {
+        start: InitialState::standing("Here", start, 0.0),
+        cue,
+        passes: Vec::new(),
+        manipulations: Vec::new(),
+    }
 }
 
 /// Crossings of a box's edges with a triangle in double precision, from the edges' end points; `None` where one is

@@ -4,6 +4,7 @@
 pub mod boxes;
 pub mod glb;
 pub mod rooms;
+pub mod walks;
 
 use std::path::PathBuf;
 

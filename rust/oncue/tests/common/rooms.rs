@@ -46,6 +46,7 @@ pub fn read(folder: &Path) -> Vec<Row> {
                         yaw: yaw("facing_heading_deg"),
                         feet: [None; 2],
                     },
+                    passes: Vec::new(),
                     manipulations: Vec::new(),
                 },
                 path: number("path_m"),
