@@ -31,7 +31,8 @@ from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
 from .second_blender import second_blender
 from .shown_cues import ENDS, FEET, HANDS, visible_cues
-from .take import Take, keep_solved, solved_take
+from .solved import keep_solved, solved_take
+from .take import Take
 from .what_counts import things_of
 
 #: A place that is no farther from a triangle lies on it, metres.
@@ -359,6 +360,7 @@ def write_outcome(
     # Who waits at the start stands there as the motion begins.
     begins = outcome.begins(request)
     placed = {"start_frame": begins, "metres_per_unit": settings.scene_scale}
+    contacts, few = np.asarray(synthesis.contacts), not settings.every_frame
     with all_or_nothing(context):
         if character is None:
             character = armature.make_character(context, skeleton, settings.scene_scale)
@@ -372,11 +374,13 @@ def write_outcome(
             motion,
             name=f"{title_of(request)} seed {request.seed}",
             report=full_report(request, outcome, skipped),
+            contacts=contacts,
+            tolerance_mm=settings.key_tolerance if few else None,
             **placed,
         )
         mark_cues(action, report_of(action), request.scene_rate)
-        contacts = np.asarray(synthesis.contacts)
-        keep_solved(action, solved_take(scene, character, names, motion, contacts, **placed))
+        written = action if few else None
+        keep_solved(action, solved_take(scene, character, names, motion, contacts, few=written, **placed))
     return action
 
 
