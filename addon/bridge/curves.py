@@ -22,6 +22,8 @@ MARKS = ("select_control_point", "select_left_handle", "select_right_handle")
 EASES = ("amplitude", "back", "period")
 #: Slopes that differ by less are one, channel a frame.
 SAME_SLOPE = 1e-9
+#: Handles that Blender still moves after as many looks are let go.
+MOST_LOOKS = 4
 #: Keys nearer to each other in time are at one frame; as near to a whole frame a key is on it.
 ON_FRAME = 1e-3
 
@@ -88,6 +90,24 @@ def write_keys(curve: bpy.types.FCurve, keys: Keys) -> None:
         points.foreach_set(name, np.ascontiguousarray(keys.eases[:, k]))
     for k, name in enumerate(PLACES):
         points.foreach_set(name, np.ascontiguousarray(keys.places[:, 2 * k : 2 * k + 2]).ravel())
+    curve.update()
+    _settle(curve)
+
+
+def _settle(curve: bpy.types.FCurve) -> None:
+    """Has the handles of a curve be the same after each further look of Blender's, which aligns them anew and rounds."""
+    before = read_places(curve)
+    for _ in range(MOST_LOOKS):
+        curve.update()
+        after = read_places(curve)
+        moved = (before != after).any(axis=1)
+        if not moved.any():
+            return
+        before = after
+    kinds = [_read(curve, name, np.int32) for name in KINDS[1:3]]
+    for name, kind in zip(KINDS[1:3], kinds, strict=True):
+        kind[moved & (kind == ALIGNED)] = FREE
+        curve.keyframe_points.foreach_set(name, kind)
     curve.update()
 
 

@@ -159,17 +159,13 @@ class FewKeys:
         touched = np.zeros(len(bounds) - 1, dtype=bool)
         released = [stretch for pin, stretch in self._released if pin.bone == self.names[joint]]
         for column in columns_of(joint):
-            if self._curves[column] is None:
-                continue
-            times = self._places[column][:, 0]
-            fresh = self._own[column] & ~self._was_own(column)
-            for sides, mask in ((("left", "right"), fresh), (("left",), self._is_bent(column, 0)), (("right",), self._is_bent(column, 1))):
-                for time in times[mask]:
-                    if start - ON_FRAME <= time <= end + ON_FRAME:
-                        _touch(touched, bounds, time, sides)
+            if self._curves[column] is not None:
+                times = self._places[column][:, 0].astype(np.float64)
+                _touch(touched, bounds, times[self._own[column] & ~self._was_own(column)])
+                _touch(touched, bounds, times[self._is_bent(column, 0)], (-1,))
+                _touch(touched, bounds, times[self._is_bent(column, 1)], (0,))
         different = np.flatnonzero(self._differs[:, columns_of(joint)].any(axis=1))
-        for frame in different:
-            _touch(touched, bounds, start + frame, ("left", "right"))
+        _touch(touched, bounds, start + different)
         for pin in self._kept_pins():
             stretch = self._stretch(pin)
             if pin.bone == self.names[joint] and stretch is not None and (pin, stretch) not in self._released:
@@ -214,15 +210,13 @@ class FewKeys:
         for joint, frames in held.items():
             for first, last in _runs(np.isin(np.arange(self._count), list(frames))):
                 stays[first:last, joint] = True
-        if stays[:-1].all():
-            return int(np.flatnonzero(changed.any(axis=1))[0]), int(np.flatnonzero(changed.any(axis=1))[-1])
+        self._name_own()
         wanted = _channels(signed(values, self.shown))
         planted = planted_frames(contacts, motion.frame_rate, self.solved.scene_rate, self._count)
         new = fit(self._rest, wanted, planted, self._tolerance_mm, _channels(self._halves), stays)
         for joint, keys in enumerate(new):
             if len(keys.frames):
                 self._write(joint, keys, stays[:, joint])
-        self._name_own()
         inner = [(begin + (begin > 0), end - (end < self._count - 1)) for begin, end in ends]
         return min(begin for begin, _ in inner), max(end for _, end in inner)
 
@@ -302,16 +296,15 @@ def _nearest(times: np.ndarray, others: np.ndarray) -> np.ndarray:
     return np.where(np.abs(others[best] - times) < ON_FRAME, best, -1)
 
 
-def _touch(touched: np.ndarray, bounds: np.ndarray, time: float, sides: tuple[str, ...]) -> None:
-    """Marks the stretches between bounds that lie at a time on these sides, or around it."""
-    for k in range(len(touched)):
-        low, high = bounds[k], bounds[k + 1]
-        if low + ON_FRAME < time < high - ON_FRAME:
-            touched[k] = True
-        elif abs(time - low) <= ON_FRAME:
-            touched[k] |= "right" in sides
-        elif abs(time - high) <= ON_FRAME:
-            touched[k] |= "left" in sides
+def _touch(touched: np.ndarray, bounds: np.ndarray, times: np.ndarray, sides: tuple[int, ...] = (-1, 0)) -> None:
+    """Marks the stretches between bounds within which times lie, and of those on a bound the ones before (-1) and after it
+    (0) that are asked for."""
+    on = _nearest(times, bounds)
+    within = np.searchsorted(bounds, times[on < 0]) - 1
+    touched[within[(within >= 0) & (within < len(touched))]] = True
+    for side in sides:
+        beside = on[on >= 0] + side
+        touched[beside[(beside >= 0) & (beside < len(touched))]] = True
 
 
 def _runs(marks: np.ndarray) -> list[tuple[int, int]]:
