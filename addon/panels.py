@@ -177,6 +177,10 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.prop(settings, "start_frame")
         row.prop(settings, "starts_with_shot", text="", icon="PREVIEW_RANGE")
+        layout.prop(settings, "every_frame")
+        tolerance = layout.row()
+        tolerance.active = not settings.every_frame
+        tolerance.prop(settings, "key_tolerance")
         for name in ("preset", "overrides", "character", "exclude", "scene_scale", "show_cues"):
             layout.prop(settings, name)
         layout.operator("oncue.toggle_exclude")

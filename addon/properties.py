@@ -16,6 +16,7 @@ from bpy.props import (
 
 from . import native
 from .bridge.compat import RELATIVE_PATHS
+from .key_fit import TOLERANCE_MM
 
 #: The largest number that a property of Blender's has, and the last frame of a scene.
 LARGEST_INTEGER, LAST_FRAME = 2**31 - 1, 1_000_000
@@ -130,6 +131,20 @@ class OncueSettings(bpy.types.PropertyGroup):
         max=1.0,
         default=0.0,
         step=10,
+    )
+    every_frame: BoolProperty(
+        name="Key Every Frame",
+        description="Write a key on every frame, instead of as few as an artist can edit",
+        default=False,
+    )
+    key_tolerance: FloatProperty(
+        name="Key Tolerance",
+        description="How far few keys may leave hands, feet and hips from the motion, millimetres; joints turn by up to a "
+        "degree at 3",
+        default=TOLERANCE_MM,
+        min=0.1,
+        max=100.0,
+        precision=1,
     )
     start_frame: IntProperty(
         name="Start Frame",

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Motion of the core → a new action of the character: location and rotation keys at the scene's frame rate."""
+"""Motion of the core → a new action of the character: few keys of Bézier curves, or one on every frame of the scene."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import Protocol
 
 import bpy
@@ -12,15 +13,16 @@ from mathutils import Euler, Quaternion
 
 from .. import quaternions
 from ..errors import SceneError
+from ..key_fit import Channels, Rest, fit, planted_frames
 from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
-from .armature import rest_rotations
+from .armature import rest_of, rest_rotations
 from .bones import clear_channel, leftovers
+from .curves import Keys, every_frame, fitted, write_keys
 from .names import REPORT_KEY
+from .scene_time import frame_rate
 
-#: Value of 'LINEAR' in a keyframe's `interpolation`; every frame is keyed, so nothing lies between.
-LINEAR = 1
 #: First and last frame of a scene that nobody has set.
 FACTORY_RANGE = (1, 250)
 LOCATION, ROTATION = "location", "rotation_quaternion"
@@ -33,9 +35,12 @@ class Space(Protocol):
     bones: list[str]
     #: The core's joint that each shows; −1 for a first one that only carries the others.
     joints: list[int]
+    #: Whether `motion` is the exact inverse of `channels`: the rig's proportions are the core's.
+    is_exact: bool
 
     def channels(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]: ...
     def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion: ...
+    def rest(self) -> Rest: ...
 
 
 class BoneSpace:
@@ -50,9 +55,10 @@ class BoneSpace:
     def __init__(
         self, character: bpy.types.Object, names: list[str], metres_per_unit: float, matrix_world=None
     ) -> None:
+        #: As of a `Space`.
+        self.bones, self.joints, self.is_exact = list(names), list(range(len(names))), True
+        self._character, self._matrix_world = character, matrix_world
         rest = rest_rotations(character, names)
-        #: The bones that are keyed, the root first, and the core's joint that each shows.
-        self.bones, self.joints = list(names), list(range(len(names)))
         self._rest_root = rest[0]
         self._into = np.array([quaternions.from_matrix(matrix) for matrix in rest])
         self._metres = metres_per_unit
@@ -80,6 +86,10 @@ class BoneSpace:
         turned[:, 0] = multiply(self._spin, turned[:, 0])
         return Motion(positions, turned, frame_rate)
 
+    def rest(self) -> Rest:
+        """How the bones hang on each other."""
+        return rest_of(self._character, self.bones, self._metres, self._matrix_world)
+
 
 def write_action(
     context: bpy.types.Context,
@@ -91,27 +101,39 @@ def write_action(
     start_frame: int,
     metres_per_unit: float = 1.0,
     report: dict | None = None,
+    contacts: np.ndarray | None = None,
+    tolerance_mm: float | None = None,
     space: Space | None = None,
 ) -> bpy.types.Action:
     """Writes `motion` into a new action of `character` and has the scene's frame range end no earlier.
 
-    `space` is the way to the bones of a rig other than Oncue's own skeleton, whose bones `names` are. Earlier actions
-    stay in the file: each keeps a fake user. What they moved of these bones and this one does not goes back to rest.
+    Every frame is keyed, or with `tolerance_mm` as few as keep hands and feet that near to the motion; `contacts`
+    (frames, 2) says where these stand. `space` is the way to the bones of another rig than Oncue's own skeleton.
+    Earlier actions stay in the file: each keeps a fake user. What they moved of the skeleton's bones and this one does
+    not goes back to rest.
     """
-    space = space or BoneSpace(character, names, metres_per_unit)
-    frames, channels = _sampled(context, character, space, motion, start_frame)
+    space, sampled = _sampled(context, character, names, motion, metres_per_unit, space)
+    names, channels = space.bones, Channels(*space.channels(sampled))
+    if tolerance_mm is None:
+        keys = _every_frame(character, names, channels, start_frame)
+    else:
+        stands = np.zeros((0, 2), dtype=np.float32) if contacts is None else contacts
+        planted = planted_frames(stands, motion.frame_rate, frame_rate(context.scene), len(sampled))
+        few = fit(space.rest(), channels, planted, tolerance_mm)
+        keys = _few(character, names, channels, few, start_frame)
+    curve_keys = list(keys)
     _keep_previous(character)
     action = bpy.data.actions.new(name)
     action.use_fake_user = True
     curves = compat.CurveSet(action, character)
-    for (bone, channel, axis), values in channels:
-        _write_curve(curves.new(data_path(bone, channel), axis, bone), frames, values)
+    for (bone, channel, axis), written in curve_keys:
+        write_keys(curves.new(data_path(bone, channel), axis, bone), written)
     if report is not None:
         action[REPORT_KEY] = json.dumps(report)
     compat.assign_action(character, action, curves)
     for bone, channel, _ in list(leftovers([character.pose.bones[bone] for bone in names])):
         clear_channel(bone, channel)
-    _show_frames(context.scene, frames)
+    _show_frames(context.scene, action, start_frame, len(sampled))
     return action
 
 
@@ -124,36 +146,61 @@ def rewrite_action(
     *,
     start_frame: int,
     metres_per_unit: float = 1.0,
-    space: Space | None = None,
 ) -> None:
-    """Writes `motion` over the keys of an action that `write_action` has made for this character.
+    """Writes `motion` over the keys of an action that `write_action` has made for this character: one on every frame.
 
     Raises SceneError for another one.
     """
-    space = space or BoneSpace(character, names, metres_per_unit)
-    frames, channels = _sampled(context, character, space, motion, start_frame)
+    space, sampled = _sampled(context, character, names, motion, metres_per_unit)
+    channels = Channels(*space.channels(sampled))
     curves = {(curve.data_path, curve.array_index): curve for curve in compat.action_curves(action, character)}
-    there = [(curves.get((data_path(bone, channel), axis)), values) for (bone, channel, axis), values in channels]
+    keys = _every_frame(character, names, channels, start_frame)
+    there = [(curves.get((data_path(bone, channel), axis)), written) for (bone, channel, axis), written in keys]
     if any(curve is None for curve, _ in there):
         raise SceneError(f"{action.name} lacks channels of the character: synthesize the motion again.")
-    for curve, values in there:
-        if len(curve.keyframe_points) != len(frames):
-            curve.keyframe_points.clear()
-        _write_curve(curve, frames, values)
-    _show_frames(context.scene, frames)
+    for curve, written in there:
+        write_keys(curve, written)
+    _show_frames(context.scene, action, start_frame, len(sampled))
 
 
-def _sampled(context, character, space: Space, motion: Motion, start_frame: int):
-    """The frames of the scene that a motion takes, and ((bone, channel, axis), values) of each of its curves."""
-    sampled = resample(motion, context.scene.render.fps / context.scene.render.fps_base)
+def _sampled(
+    context, character, names: list[str], motion: Motion, metres_per_unit: float, space: Space | None = None
+) -> tuple[Space, Motion]:
+    """The way into the bones' channels as the character stands now, and a motion at the scene's frames."""
     context.view_layer.update()
-    names, (locations, rotations) = space.bones, space.channels(sampled)
-    frames = start_frame + np.arange(len(locations), dtype=np.float32)
-    channels = [((names[0], LOCATION, axis), locations[:, axis]) for axis in range(3)]
+    return space or BoneSpace(character, names, metres_per_unit), resample(motion, frame_rate(context.scene))
+
+
+#: The keys of one curve, by its bone, channel and axis.
+CurveKeys = tuple[tuple[str, str, int], Keys]
+
+
+def _every_frame(
+    character: bpy.types.Object, names: list[str], channels: Channels, start_frame: int
+) -> Iterator[CurveKeys]:
+    """A key at each frame, in each bone's own rotation mode."""
+    frames = start_frame + np.arange(len(channels.locations), dtype=np.float64)
+    for axis in range(3):
+        yield (names[0], LOCATION, axis), every_frame(frames, channels.locations[:, axis])
     for joint, bone in enumerate(names):
-        channel, values = rotation_values(character.pose.bones[bone].rotation_mode, rotations[:, joint])
-        channels += [((bone, channel, axis), values[:, axis]) for axis in range(values.shape[1])]
-    return frames, channels
+        mode = character.pose.bones[bone].rotation_mode
+        channel, values = rotation_values(mode, channels.rotations[:, joint])
+        for axis in range(values.shape[1]):
+            yield (bone, channel, axis), every_frame(frames, values[:, axis])
+
+
+def _few(
+    character: bpy.types.Object, names: list[str], channels: Channels, few: list, start_frame: int
+) -> Iterator[CurveKeys]:
+    """The fitted keys; a bone that does not turn by quaternions is keyed on every frame."""
+    for axis in range(3):
+        yield (names[0], LOCATION, axis), fitted(few[0], 4 + axis, start_frame)
+    for (bone, channel, axis), keys in _every_frame(character, names, channels, start_frame):
+        if channel != LOCATION:
+            yield (
+                (bone, channel, axis),
+                (fitted(few[names.index(bone)], axis, start_frame) if channel == ROTATION else keys),
+            )
 
 
 def rotation_values(rotation_mode: str, quaternions: np.ndarray) -> tuple[str, np.ndarray]:
@@ -172,12 +219,14 @@ def rotation_values(rotation_mode: str, quaternions: np.ndarray) -> tuple[str, n
     return "rotation_euler", np.array(angles, dtype=np.float64).reshape(-1, 3)
 
 
-def _show_frames(scene: bpy.types.Scene, frames: np.ndarray) -> None:
-    """Has the scene end no earlier than the motion; an end that an earlier take made is moved back too, as far as the
-    artist's own. Where the shot begins is the artist's alone."""
-    if not len(frames):
+def _show_frames(scene: bpy.types.Scene, action: bpy.types.Action, first: int, count: int) -> None:
+    """Has the action say which frames are its motion's, and the scene end no earlier; an end that an earlier take made is
+    moved back too, as far as the artist's own. Where the shot begins is the artist's alone."""
+    if not count:
         return
-    settings, last = scene.oncue, int(frames[-1])
+    settings, last = scene.oncue, first + count - 1
+    action.use_frame_range = True
+    action.frame_start, action.frame_end = first, last
     if scene.frame_end != settings.fitted_end:
         settings.shot_end = 0 if _is_nobodys_shot(scene, last) else scene.frame_end
     end = max(settings.shot_end, last)
@@ -203,14 +252,3 @@ def _keep_previous(character: bpy.types.Object) -> None:
     data = character.animation_data
     if data and data.action:
         data.action.use_fake_user = True
-
-
-def _write_curve(curve: bpy.types.FCurve, frames: np.ndarray, values: np.ndarray) -> None:
-    """The keys of a curve, which has as many already or none."""
-    points = curve.keyframe_points
-    points.add(len(frames) - len(points))
-    coordinates = np.empty((len(frames), 2), dtype=np.float32)
-    coordinates[:, 0], coordinates[:, 1] = frames, values
-    points.foreach_set("co", coordinates.ravel())
-    points.foreach_set("interpolation", np.full(len(frames), LINEAR, dtype=np.int32))
-    curve.update()

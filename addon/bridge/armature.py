@@ -10,6 +10,8 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
+from .. import quaternions
+from ..key_fit import Rest
 from . import mannequin
 from .names import CHARACTER_KEY, oncue_collection
 
@@ -127,6 +129,37 @@ def _is_abandoned_skin(thing: bpy.types.Object, skeleton: dict) -> bool:
 def rest_rotations(character: bpy.types.Object, names: list[str]) -> np.ndarray:
     """Rest rotation of each bone in armature space, shape (joints, 3, 3)."""
     return np.array([np.array(character.data.bones[name].matrix_local.to_3x3()) for name in names], dtype=np.float64)
+
+
+def rest_of(
+    character: bpy.types.Object,
+    names: list[str],
+    metres_per_unit: float,
+    matrix_world=None,
+    over: list[str | None] | None = None,
+    labels: list[str] | None = None,
+) -> Rest:
+    """How bones hang on each other at rest: each on the nearest one over it that is named, which comes before it, or on
+    that which `over` says.
+
+    `matrix_world` says where the object stands, or else the object does; `labels`: the core's joints that the bones
+    show, where they are called otherwise.
+    """
+    bones = [character.data.bones[name] for name in names]
+    if over is None:
+        over = [next((one.name for one in bone.parent_recursive if one.name in names), None) for bone in bones]
+    frames = np.array([bone.matrix_local for bone in bones], dtype=np.float64)
+    parents = [names.index(name) if name is not None else -1 for name in over]
+    own = [frames[k] if p < 0 else np.linalg.inv(frames[p]) @ frames[k] for k, p in enumerate(parents)]
+    world = np.array(character.matrix_world if matrix_world is None else matrix_world, dtype=np.float64)
+    scale = np.cbrt(abs(np.linalg.det(world[:3, :3])))
+    return Rest(
+        list(labels or names),
+        parents,
+        np.array([frame[:3, 3] for frame in own]),
+        np.array([quaternions.from_matrix(frame[:3, :3]) for frame in own]),
+        1.0 / (metres_per_unit * scale),
+    )
 
 
 def misfit(character: bpy.types.Object, skeleton: dict) -> str | None:

@@ -2,7 +2,8 @@
 """The live take: the one action that is written over and over while the cues are followed.
 
 It is made, and the character plays it, when the following begins, within an operator's undo step. Later only its keys
-change, so that no step of the undo history is without it.
+change, so that no step of the undo history is without it. Every frame is keyed, whatever the settings say: it is made anew
+many times a second, and few keys are for what is edited.
 """
 
 from __future__ import annotations
@@ -22,7 +23,8 @@ from .action_writer import LOCATION, data_path, rewrite_action, rotation_values
 from .bones import clear_channel, leftovers
 from .names import LIVE_KEY, PINS_KEY, REPORT_KEY, SOLVED_KEY
 from .session import current_action, full_report, report_of
-from .take import OBJECT_CHANNELS, Solved, Take, keep_solved, solved_take
+from .solved import Solved, keep_solved, solved_take
+from .take import OBJECT_CHANNELS, Take
 
 #: One posture of a bone.
 IDLE = np.array([[1.0, 0.0, 0.0, 0.0]])

@@ -12,11 +12,13 @@ import numpy as np
 from .. import native
 from ..body_size import clock
 from ..errors import SceneError
+from ..key_fit import Rest
 from ..motion import Motion
 from ..rig import LARGEST, SIDES, SMALLEST, Hold, RestRig, Rig, Sole
 from . import rigify
+from .armature import rest_of
 from .armature_motion import body_bones, parents_among
-from .names import MAPPING_KEY
+from .names import MAPPING_KEY, REPORT_KEY
 
 #: A corner belongs to a foot where so much of it does.
 OF_A_FOOT = 0.5
@@ -113,7 +115,8 @@ class RigSpace:
         holds: tuple[Hold, ...] = (),
     ) -> None:
         """`metres_per_unit`: of the core, so that the rig is as large as its body."""
-        self.bones, self.joints = rig.bones, rig.joints
+        self.bones, self.joints, self.is_exact = rig.bones, rig.joints, False
+        self._character, self._matrix_world = character, matrix_world
         self._rig, self._metres, self._holds = rig, metres_per_unit, holds
         world = character.matrix_world if matrix_world is None else matrix_world
         self._to_world = np.array(world, dtype=np.float64)
@@ -125,6 +128,26 @@ class RigSpace:
     def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion:
         """The inverse of `channels`, but for the proportions."""
         return self._rig.motion(locations, rotations, frame_rate, self._to_world, self._metres)
+
+    def rest(self) -> Rest:
+        """How the bones hang on each other."""
+        labels = labels_of(self.joints, self.bones, self._rig)
+        return rest_of(self._character, self.bones, self._metres, self._matrix_world, labels=labels)
+
+
+def labels_of(joints: list[int], bones: list[str], rig: Rig) -> list[str]:
+    """The core's joints that bones show, each bone's own name where it shows none."""
+    return [rig.joint_names[joint] if joint >= 0 else bone for joint, bone in zip(joints, bones, strict=True)]
+
+
+def holds_of_action(action: bpy.types.Action, size: float) -> tuple[Hold, ...]:
+    """When which hand holds something in the motion of a take; never where nobody knows any more."""
+    try:
+        report = json.loads(action.get(REPORT_KEY) or "{}")
+        body = report.get("extension", {}).get("body")
+        return holds_of(body["task"] if body else report.get("task"), size)
+    except (LookupError, TypeError, ValueError, AttributeError):
+        return ()
 
 
 def holds_of(task: dict | None, size: float) -> tuple[Hold, ...]:

@@ -18,8 +18,10 @@ import bpy
 import numpy as np
 
 from .. import quaternions
+from ..key_fit import Rest
 from ..motion import Motion
 from ..rig import Array, Hold, RestRig, Rig
+from .armature import rest_of as rest_of_bones
 
 BODY = "ORG-"
 #: Bones that only rigs of Rigify's human have.
@@ -132,7 +134,8 @@ class ControlSpace:
         self._to_world = np.array(world, dtype=np.float64)
         bones = character.data.bones
         self._controls = [control for control in CONTROLS if control.name in bones and control.goes_with in bones]
-        self.bones = [control.name for control in self._controls]
+        self.bones, self.is_exact = [control.name for control in self._controls], False
+        self._character, self._matrix_world = character, matrix_world
         shown = {bone: joint for joint, bone in rig.mapping["joints"].items()}
         order = list(rig.joint_names)
         self.joints = [order.index(shown[c.goes_with]) if c.goes_with in shown else -1 for c in self._controls]
@@ -157,6 +160,14 @@ class ControlSpace:
             return np.linalg.inv(rest) @ wanted
         before = body[control.hangs_on] @ (np.linalg.inv(self._rest[control.hangs_on]) @ rest)
         return np.linalg.inv(before) @ wanted
+
+    def rest(self) -> Rest:
+        """How the controls hang on each other: each on the one that goes with what it hangs on."""
+        going = {control.goes_with: control.name for control in self._controls}
+        over = [None if control.hangs_on is None else going[control.hangs_on] for control in self._controls]
+        order = self._rig.joint_names
+        labels = [order[joint] if joint >= 0 else bone for joint, bone in zip(self.joints, self.bones, strict=True)]
+        return rest_of_bones(self._character, self.bones, self._metres, self._matrix_world, over, labels)
 
     def wanted(self, motion: Motion) -> dict[str, Array]:
         """Where the bones of the body are to be, armature space, (frames, 4, 4)."""

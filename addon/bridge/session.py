@@ -43,7 +43,8 @@ from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
 from .second_blender import second_blender
 from .shown_cues import FEET, HANDS, PLAYED, visible_cues
-from .take import Take, keep_solved, solved_take
+from .solved import keep_solved, solved_take
+from .take import Take
 from .what_counts import things_of
 
 #: A place that is no farther from a triangle lies on it, metres.
@@ -396,6 +397,7 @@ def write_outcome(
     # Who waits at the start stands there as the motion begins.
     begins = outcome.begins(request)
     placed = {"start_frame": begins, "metres_per_unit": puppet.metres_per_unit}
+    contacts, few = np.asarray(synthesis.contacts), not settings.every_frame
     with all_or_nothing(context):
         if character is None:
             character = armature.make_character(context, skeleton, settings.scene_scale)
@@ -413,15 +415,17 @@ def write_outcome(
             name=f"{title_of(request)} seed {request.seed}",
             report=full_report(request, outcome, skipped),
             space=space,
+            contacts=contacts,
+            tolerance_mm=settings.key_tolerance if few else None,
             **placed,
         )
         if puppet.is_control_rig:
             _have_controls_followed(context, puppet, motion, begins)
         action[TAKE_OF_KEY] = character
         mark_cues(action, report_of(action), request.scene_rate)
-        contacts = np.asarray(synthesis.contacts)
-        if puppet.rig is None:
-            keep_solved(action, solved_take(scene, character, puppet.bones, motion, contacts, **placed))
+        written = action if few else None
+        solved = solved_take(scene, character, puppet.bones, motion, contacts, few=written, space=space, **placed)
+        keep_solved(action, solved)
     return action
 
 

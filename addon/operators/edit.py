@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, IntProperty
 
-from ..bridge import pins, session, take
+from ..bridge import pins, session, solved
 from ..job_operator import JobOperator
 from ..pipeline import EditOutcome, Steps, edit_steps
 from .button import Button
@@ -58,7 +58,7 @@ class ONCUE_OT_pin(Button, bpy.types.Operator):
             self.last_frame,
             position=self.position,
             rotation=self.rotation,
-            within=take.motion_frames(pins.action_of(context.active_object)),
+            within=solved.motion_frames(pins.action_of(context.active_object)),
         )
 
 

@@ -53,7 +53,7 @@ def made(oncue, context, skeleton, motion, take_module):
             start_frame=START,
             metres_per_unit=scale,
         )
-        solved = take_module.solved_take(
+        solved = oncue("bridge.solved").solved_take(
             context.scene,
             character,
             list(skeleton["names"]),
@@ -62,7 +62,7 @@ def made(oncue, context, skeleton, motion, take_module):
             start_frame=START,
             metres_per_unit=scale,
         )
-        take_module.keep_solved(action, solved)
+        oncue("bridge.solved").keep_solved(action, solved)
         context.scene.oncue.character = character
         return character, action
 
@@ -265,7 +265,7 @@ def test_an_own_key_that_was_taken_out_is_no_wish_any_more(oncue, made, take_of,
     take = take_of(character)
     assert (take.artist_keys(), take.gaps()) == ({}, {})
     take.write(edited(oncue, motion, skeleton["names"].index("LeftArm"), 20, 40), np.ones((FRAMES, 2)))
-    assert np.isfinite(take_of(character).now).all()
+    assert np.isfinite(take_of(character).keys.now).all()
 
 
 def test_what_does_not_fit_is_a_sentence(oncue, made, take_of, context):
@@ -566,7 +566,7 @@ def test_only_the_touched_span_changes(oncue, made, take_of, motion, skeleton, r
         outside = (old[:, 0] < first) | (old[:, 0] > last)
         assert old[outside].tobytes() == now[outside].tobytes()
         assert np.array_equal(old[:, 0], now[:, 0])
-    frames = START + np.arange(len(take_of(character).now))
+    frames = START + np.arange(len(take_of(character).keys.now))
     expected = forward_kinematics(skeleton, oncue("motion").resample(new, rate))
     assert np.abs(evaluated_heads(character, skeleton["names"], frames) - expected).max() < 1e-4
     # What was written is what is kept: nothing looks like the artist's.

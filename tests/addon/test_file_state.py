@@ -47,7 +47,7 @@ def triangles(oncue):
 def worst_joint(oncue, core):
     """How far a joint is from where the core's motion has it, on every tenth frame, metres."""
     scene, skeleton = bpy.context.scene, core.skeleton()
-    solved = oncue("bridge.take").solved_of(current_action())
+    solved = oncue("bridge.solved").solved_of(current_action())
     motion = oncue("motion").resample(solved.motion, oncue("bridge.scene_time").frame_rate(scene))
     expected = forward_kinematics(skeleton, motion)[::10]
     shown = evaluated_heads(

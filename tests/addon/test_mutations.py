@@ -91,7 +91,7 @@ def repacked(packed, random):
 
 def test_the_motion_that_a_take_keeps(oncue, made):  # noqa: F811
     character, action = made()
-    take = oncue("bridge.take")
+    take = oncue("bridge.solved")
     packed = action["oncue_solved"]
     random = np.random.default_rng(3)
 

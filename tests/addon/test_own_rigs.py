@@ -6,7 +6,7 @@ import math
 import bpy
 import numpy as np
 import pytest
-from mathutils import Euler, Matrix
+from mathutils import Euler, Matrix, Quaternion
 
 from .people import RIGS, make_person
 from .shapes import add_cube
@@ -253,6 +253,50 @@ def test_a_hand_reaches_what_it_holds_on_a_body_of_other_arms(context, oncue, ow
         assert away == pytest.approx(0.0825 * report["extension"]["body"]["size"], abs=0.01)
 
 
+def turned(person, name, angle):
+    """Turns a bone as it stands and keys it, as an artist does."""
+    bone = person.pose.bones[name]
+    if bone.rotation_mode == "QUATERNION":
+        bone.rotation_quaternion = bone.rotation_quaternion @ Quaternion((1.0, 0.0, 0.0), angle)
+        bone.keyframe_insert("rotation_quaternion")
+        return np.array(bone.rotation_quaternion)
+    bone.rotation_euler.x += angle
+    bone.keyframe_insert("rotation_euler")
+    return np.array(bone.rotation_euler)
+
+
+def test_resolve_adapts_an_own_rig(stage, oncue, own_rig):
+    person = chosen(stage, make_person("unreal", 1.5))
+    bpy.ops.oncue.synthesize()
+    action, report = played(oncue, stage.scene)
+    stage.scene.frame_set(60)
+    mine = turned(person, "upperarm_l", 0.6)
+    bpy.context.view_layer.update()
+    joints = own_rig.recognized(person)["joints"]
+    feet = {name: np.array(person.pose.bones[joints[name]].matrix) for name in CORE_FEET}
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    stage.scene.frame_set(59)
+    stage.scene.frame_set(60)
+    assert np.allclose(person.pose.bones["upperarm_l"].rotation_quaternion, mine, atol=1e-6)
+    # Where nothing was asked for the feet are where they were.
+    for name, before in feet.items():
+        assert np.abs(np.array(person.pose.bones[joints[name]].matrix) - before).max() < 0.02, name
+    told = oncue("bridge.session").report_of(action)
+    assert told["artist"]["constraints"] is not None
+    assert told["cues"][0]["met"]
+    assert told["cues"][0]["pelvis_cm"] == pytest.approx(report["cues"][0]["pelvis_cm"], abs=0.05)
+
+
+def test_a_pin_on_an_own_rig_is_told(stage, oncue):
+    person = chosen(stage, make_person("unreal", 1.7))
+    bpy.ops.oncue.synthesize()
+    pins, action = oncue("bridge.pins"), oncue("bridge.session").current_action(stage.scene)
+    pins.write_pins(action, [pins.Pin("hand_l", 50, 60, position=(0.0, 0.0, 1.0))])
+    with pytest.raises(RuntimeError, match="hand_l of unreal is pinned, and pins hold bones of Oncue's own character"):
+        bpy.ops.oncue.resolve()
+    assert person.animation_data.action == action
+
+
 # --- what cannot be ---------------------------------------------------------------------------------------------------
 
 
@@ -452,6 +496,24 @@ def test_a_rigify_rig_gets_keys_on_its_controls_and_its_body_follows(rigify, sta
     assert tuple(hips)[:2] == pytest.approx((2.0, 0.0), abs=0.04)
     assert hips.z - 0.45 == pytest.approx(0.08 * report["extension"]["body"]["size"], abs=0.02)
     assert posed.pose.bones["DEF-toe.L"].head.z == pytest.approx(rigify.data.bones["DEF-toe.L"].head_local.z, abs=0.005)
+
+
+def test_resolve_adapts_a_rigify_rig(rigify, stage, oncue):
+    chosen(stage, rigify)
+    bpy.ops.oncue.synthesize()
+    with pytest.raises(RuntimeError, match=r"shoulder\.. does not turn by quaternions"):
+        bpy.ops.oncue.resolve()
+    for side in "LR":
+        rigify.pose.bones[f"shoulder.{side}"].rotation_mode = "QUATERNION"
+    bpy.ops.oncue.synthesize()
+    action, _ = played(oncue, stage.scene)
+    stage.scene.frame_set(70)
+    mine = turned(rigify, "upper_arm_fk.L", 0.5)
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    stage.scene.frame_set(69)
+    stage.scene.frame_set(70)
+    assert np.allclose(rigify.pose.bones["upper_arm_fk.L"].rotation_quaternion, mine, atol=1e-6)
+    assert oncue("bridge.session").report_of(action)["artist"]
 
 
 def test_controls_that_were_moved_aside_are_told_and_nothing_is_written(rigify, stage, oncue):

@@ -144,7 +144,7 @@ def test_a_moved_cue_leaves_what_lies_before_it(oncue, core, room):
     def solved():
         bpy.ops.oncue.synthesize()
         action = current_action()
-        return oncue("bridge.take").solved_of(action).motion, session.report_of(action)
+        return oncue("bridge.solved").solved_of(action).motion, session.report_of(action)
 
     before, report = solved()
     room[1].location.x += 0.3

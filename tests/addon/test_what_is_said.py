@@ -646,7 +646,7 @@ def test_a_report_that_is_none_is_none(oncue, made, text):  # noqa: F811
 
 def test_what_a_take_keeps_is_not_unpacked_without_end(oncue, made, take_of, monkeypatch):  # noqa: F811
     character, _ = made()
-    monkeypatch.setattr(oncue("bridge.take"), "LARGEST_TAKE", 1000)
+    monkeypatch.setattr(oncue("bridge.solved"), "LARGEST_TAKE", 1000)
     with pytest.raises(oncue("errors").SceneError, match="damaged"):
         take_of(character)
 

@@ -452,6 +452,38 @@ def fit_seat(
     where the seat or a foot's cue is out of reach, by how much and which way.
     """
 
+def fit_keys(
+    parents: Sequence[int],
+    offsets: NDArray[np.float64],
+    rests: NDArray[np.float64],
+    limbs: Sequence[tuple[Sequence[int], Sequence[int]]],
+    tolerances: NDArray[np.float64],
+    planted: NDArray[np.bool_],
+    drift: float,
+    locations: NDArray[np.float64],
+    rotations: NDArray[np.float64],
+    played_locations: NDArray[np.float64] | None = None,
+    played_rotations: NDArray[np.float64] | None = None,
+    stays: NDArray[np.bool_] | None = None,
+) -> list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
+    """Few keys of Bezier curves for the channels of any bones: (frames, values, slopes before, slopes after) of each bone.
+
+    Between two keys a curve is the cubic whose handles lie at a third of the span; slopes are by the frame, and NaN on a
+    side where the curves stay or there is none. Values are (keys, 4), w first; the first bone's (keys, 7), its
+    location last. Any unit of length; angles in radians.
+
+    `parents` come before their children, -1 for none; `offsets` (bones, 3) and `rests` (bones, 4) place each bone in its
+    parent's rest frame. `limbs` are (bones, frames keyed in any case), parents first: their bones share keys.
+    `tolerances` (bones, 2): how far the bone's head in space and its own rotation may be from the motion, infinite where
+    it does not count. `planted` (frames, bones): which bones may not drift by more than `drift` to the next frame.
+
+    `locations` (frames, 3) of the first bone and `rotations` (frames, bones, 4) are the motion, with signs that do not
+    jump. Where `stays` (frames, bones), the curves stay from a frame to the next as `played_locations`
+    (2 * frames - 1, 3) and `played_rotations` say at every half frame, all three or none.
+
+    Raises InputError where the arrays are not those of one motion.
+    """
+
 def plain_ik(
     root_positions: NDArray[np.float32],
     rotations: NDArray[np.float32],

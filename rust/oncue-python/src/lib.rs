@@ -8,6 +8,7 @@ mod editor;
 mod error;
 mod job;
 mod json;
+mod keys;
 mod library;
 mod logging;
 mod manifold;
@@ -39,6 +40,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(editor::fit_seat, module)?)?;
     module.add_function(wrap_pyfunction!(editor::motion_figures, module)?)?;
     module.add_function(wrap_pyfunction!(editor::plain_ik, module)?)?;
+    module.add_function(wrap_pyfunction!(keys::fit_keys, module)?)?;
     module.add_function(wrap_pyfunction!(library::build_library, module)?)?;
     module.add_function(wrap_pyfunction!(library::practice_room, module)?)?;
     module.add_function(wrap_pyfunction!(manifold::train_manifold, module)?)?;

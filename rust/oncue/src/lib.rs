@@ -63,6 +63,7 @@ pub mod figures;
 #[doc(hidden)]
 pub mod internals;
 pub mod job;
+pub mod keys;
 pub mod library;
 mod life;
 pub mod manifold;
