@@ -395,6 +395,13 @@ def rooms(session: nox.Session) -> None:
 
 
 @nox.session
+def rigs(session: nox.Session) -> None:
+    """docs/rigs.md: rigs of other programs in real rooms, measured on what was written; `-- --rigs daz` for one."""
+    python = blender_environment(session, blenders(session)[-1], build_wheel(session))
+    session.run(str(python), "blend_fixtures/rigs_table.py", *session.posargs)
+
+
+@nox.session
 def sheets(session: nox.Session) -> None:
     """docs/motion.md: contact sheets of motions at a person's height, and a short video; `-- --only start` for some."""
     python = blender_environment(session, blenders(session)[-1], build_wheel(session))

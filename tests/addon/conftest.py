@@ -10,6 +10,8 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+# What makes scenes and people for tests and pictures.
+sys.path.insert(0, str(ROOT / "blend_fixtures"))
 # Preferences and extensions of the tests' own; Blender reads this when it is imported.
 os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="oncue-blender-"))
 

@@ -1,5 +1,6 @@
 """The artist's own rig gets the motion: recognised, at its own size, feet on the floor, never swapped in silence."""
 
+import importlib
 import json
 import math
 
@@ -7,8 +8,8 @@ import bpy
 import numpy as np
 import pytest
 from mathutils import Euler, Matrix, Quaternion
+from people import RIGS, make_person, make_rigify
 
-from .people import RIGS, make_person
 from .shapes import add_cube
 
 CORE_FEET = ("LeftFoot", "RightFoot", "LeftToe", "RightToe")
@@ -457,26 +458,8 @@ def test_a_file_that_names_no_bones_is_refused(stage, tmp_path):
 @pytest.fixture
 def rigify(context):
     """A rig that Rigify has generated from its human, without its face."""
-    addon_utils = pytest.importorskip("addon_utils")
-    addon_utils.enable("rigify", default_set=True)
-    bpy.ops.object.armature_human_metarig_add()
-    metarig = context.object
-
-    def without_face(bones):
-        def remove(bone):
-            for child in list(bone.children):
-                remove(child)
-            bones.remove(bone)
-
-        remove(bones["face"])
-
-    edited(context, metarig, without_face)
-    bpy.ops.pose.rigify_generate()
-    rig = context.object
-    bpy.ops.object.mode_set(mode="OBJECT")
-    metarig.hide_set(True)
-    yield rig
-    addon_utils.disable("rigify", default_set=True)
+    yield make_rigify(1.8)
+    importlib.import_module("addon_utils").disable("rigify", default_set=True)
 
 
 def test_a_rigify_rig_gets_keys_on_its_controls_and_its_body_follows(rigify, stage, oncue):

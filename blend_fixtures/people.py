@@ -1,5 +1,6 @@
-"""Armatures of people as other programs name and build them, with a skin: made by rule, at any size."""
+"""Armatures of people as other programs name and build them, with a skin, made by rule; and Rigify's own."""
 
+import importlib
 import itertools
 
 import bpy
@@ -302,6 +303,8 @@ def _bones(data, spec, at):
             add(twist.format(side=word), middle, at[side + end], spec[joint].format(side=word))
 
 
+#: Faces of a block of eight corners, x slowest.
+BLOCK = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 #: Half widths of the skin's bars, metres of a person of 1.8 m.
 GIRTH = {"Arm": 0.045, "ForeArm": 0.036, "Hand": 0.03, "UpLeg": 0.07, "Leg": 0.05, "Shoulder": 0.04}
 
@@ -313,10 +316,7 @@ def _skin(person, spec, at, turn, unit):
     def block(bone, places):
         base = len(corners)
         corners.extend(places)
-        faces.extend(
-            tuple(base + k for k in face)
-            for face in ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-        )
+        faces.extend(tuple(base + k for k in face) for face in BLOCK)
         groups.setdefault(bone, []).extend(range(base, base + 8))
 
     def bar(bone, head, tail, width, depth=None):
@@ -354,6 +354,11 @@ def _skin(person, spec, at, turn, unit):
         ball = spec["Toe"].format(side=word) if "Toe" in spec else foot
         box(foot, (ankle.x - wide, toe.y, low), (ankle.x + wide, ankle.y + 0.06 * unit, ankle.z))
         box(ball, (toe.x - wide, tip.y, low), (toe.x + wide, toe.y, toe.z + 0.02 * unit))
+    return _bind(person, corners, faces, groups)
+
+
+def _bind(person, corners, faces, groups):
+    """A mesh on a person, each part rigid on its bone."""
     mesh = bpy.data.meshes.new(person.name)
     mesh.from_pydata([tuple(corner) for corner in corners], [], faces)
     body = bpy.data.objects.new(f"{person.name} body", mesh)
@@ -364,3 +369,49 @@ def _skin(person, spec, at, turn, unit):
     body.modifiers.new("Armature", "ARMATURE").object = person
     bpy.context.view_layer.update()
     return body
+
+
+#: How tall Rigify's human is, metres.
+METARIG_HEIGHT = 1.98
+
+
+def make_rigify(height=1.8):
+    """What Rigify generates from its human, without the face, and blocks for its feet, soles on the floor. Leaves the
+    add-on enabled."""
+    addon_utils = importlib.import_module("addon_utils")
+    addon_utils.enable("rigify", default_set=True)
+    bpy.ops.object.armature_human_metarig_add()
+    metarig = bpy.context.object
+    metarig.data.transform(Matrix.Scale(height / METARIG_HEIGHT, 4))
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = metarig.data.edit_bones
+
+    def remove(bone):
+        for child in list(bone.children):
+            remove(child)
+        bones.remove(bone)
+
+    remove(bones["face"])
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.ops.pose.rigify_generate()
+    rig = bpy.context.object
+    bpy.ops.object.mode_set(mode="OBJECT")
+    metarig.hide_set(True)
+    _rigify_feet(rig, height / 1.8)
+    return rig
+
+
+def _rigify_feet(rig, unit):
+    corners, faces, groups = [], [], {}
+    for side in "LR":
+        foot, toe = rig.data.bones[f"DEF-foot.{side}"], rig.data.bones[f"DEF-toe.{side}"]
+        ankle, ball, tip, wide = foot.head_local, toe.head_local, toe.tail_local, 0.045 * unit
+        for bone, low, high in (
+            (foot, (ankle.x - wide, ball.y, 0.0), (ankle.x + wide, ankle.y + 0.06 * unit, ankle.z)),
+            (toe, (ball.x - wide, tip.y, 0.0), (ball.x + wide, ball.y, ball.z + 0.02 * unit)),
+        ):
+            base = len(corners)
+            corners += [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+            faces += [tuple(base + k for k in face) for face in BLOCK]
+            groups.setdefault(bone.name, []).extend(range(base, base + 8))
+    _bind(rig, corners, faces, groups)
