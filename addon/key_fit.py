@@ -37,9 +37,9 @@ PLACES = {
     "Neck": 2.0 / 3.0,
     **dict.fromkeys(("LeftHand", "RightHand", *FEET[0], *FEET[1]), 1.0),
 }
-TURNS = {"Hips": 0.15, "Spine": 0.3, "Spine1": 0.3, "Spine2": 0.3}
+TURNS = {"Hips": 0.1, "Spine": 0.3, "Spine1": 0.3, "Spine2": 0.3}
 #: How far what stands may drift from a frame to the next beyond what it does in the motion, of the tolerance of a place.
-DRIFT = 0.5
+DRIFT = 0.6
 #: A contact of more than this is planted.
 PLANTED = 0.75
 
