@@ -83,9 +83,9 @@ def write_action(
 ) -> bpy.types.Action:
     """Writes `motion` into a new action of `character` and has the scene's frame range end no earlier.
 
-    Every frame is keyed, or with `tolerance_mm` as few as keep hands and feet that near to the motion; `contacts` (frames,
-    2) says where these stand. Earlier actions stay in the file: each keeps a fake user. What they moved of the skeleton's
-    bones and this one does not goes back to rest.
+    Every frame is keyed, or with `tolerance_mm` as few as keep hands and feet that near to the motion; `contacts`
+    (frames, 2) says where these stand. Earlier actions stay in the file: each keeps a fake user. What they moved of the
+    skeleton's bones and this one does not goes back to rest.
     """
     space, sampled = _sampled(context, character, names, motion, metres_per_unit)
     channels = Channels(*space.channels(sampled))
@@ -139,9 +139,7 @@ def rewrite_action(
     _show_frames(context.scene, action, start_frame, len(sampled))
 
 
-def _sampled(
-    context, character, names: list[str], motion: Motion, metres_per_unit: float
-) -> tuple[BoneSpace, Motion]:
+def _sampled(context, character, names: list[str], motion: Motion, metres_per_unit: float) -> tuple[BoneSpace, Motion]:
     """The way into the bones' channels as the character stands now, and a motion at the scene's frames."""
     context.view_layer.update()
     return BoneSpace(character, names, metres_per_unit), resample(motion, frame_rate(context.scene))
@@ -173,8 +171,9 @@ def _few(
         yield (names[0], LOCATION, axis), fitted(few[0], 4 + axis, start_frame)
     for (bone, channel, axis), keys in _every_frame(character, names, channels, start_frame):
         if channel != LOCATION:
-            yield (bone, channel, axis), (
-                fitted(few[names.index(bone)], axis, start_frame) if channel == ROTATION else keys
+            yield (
+                (bone, channel, axis),
+                (fitted(few[names.index(bone)], axis, start_frame) if channel == ROTATION else keys),
             )
 
 
@@ -195,8 +194,11 @@ def rotation_values(rotation_mode: str, quaternions: np.ndarray) -> tuple[str, n
 
 
 def _show_frames(scene: bpy.types.Scene, action: bpy.types.Action, first: int, count: int) -> None:
-    """Has the action say which frames are its motion's, and the scene end no earlier; an end that an earlier take made is
-    moved back too, as far as the artist's own. Where the shot begins is the artist's alone."""
+    """Has the action say which frames are its motion's, and the scene end no earlier.
+
+    An end that an earlier take made is moved back too, as far as the artist's own. Where the shot begins is the artist's
+    alone.
+    """
     if not count:
         return
     settings, last = scene.oncue, first + count - 1

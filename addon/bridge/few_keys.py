@@ -10,12 +10,24 @@ import numpy as np
 
 from ..key_fit import BoneKeys, Channels, Rest, fit, limbs_of, planted_frames
 from ..motion import Motion
-from .curves import BEZIER, FREE, GENERATED, KEYFRAME, ON_FRAME, Keys, fitted, played, read_keys, read_places, write_keys
+from .curves import (
+    BEZIER,
+    FREE,
+    GENERATED,
+    KEYFRAME,
+    ON_FRAME,
+    Keys,
+    fitted,
+    played,
+    read_keys,
+    read_places,
+    write_keys,
+)
 from .every_frame import SAME, signed
 from .pins import Pin
 from .solved import Curves, Solved, channels_of, column_curves, columns_of, with_written
 
-#: How far a handle may be from where it was written, frames and channels, and be the same: Blender may turn it a little.
+#: How far a handle may be from where it was written, frames and channels, and be the same: Blender aligns and rounds.
 SAME_HANDLE = 1e-4
 
 
@@ -31,7 +43,7 @@ class Stretch:
 
 
 class FewKeys:
-    """What plays otherwise than it was written is the artist's, from the key before to the key after; the curves there stay."""
+    """What plays otherwise than it was written is the artist's, from key to key, and the curves there stay."""
 
     def __init__(
         self,
@@ -77,7 +89,9 @@ class FewKeys:
 
     def artist_keys(self) -> dict[int, set[int]]:
         """Joint → indices of the scene frames that the artist shaped, now or before: with the keys at both ends."""
-        found = {joint: set[int]().union(*(s.frames() for s in self._shaped[joint])) for joint in range(len(self.names))}
+        found = {
+            joint: set[int]().union(*(s.frames() for s in self._shaped[joint])) for joint in range(len(self.names))
+        }
         return {joint: frames for joint, frames in found.items() if frames}
 
     def gaps(self) -> dict[int, set[int]]:
@@ -99,7 +113,10 @@ class FewKeys:
         now, written = self._places[column], self._written(column)
         at = _nearest(now[:, 0], written[:, 0])
         return np.array(
-            [k < 0 or abs(row[1] - written[k, 1]) > SAME or written[k, 6] > 0.5 for row, k in zip(now, at, strict=True)],
+            [
+                k < 0 or abs(row[1] - written[k, 1]) > SAME or written[k, 6] > 0.5
+                for row, k in zip(now, at, strict=True)
+            ],
             dtype=bool,
         ).reshape(len(now))
 
@@ -112,7 +129,10 @@ class FewKeys:
         """Which keys of a column have another handle than was written: 0 the left one, 1 the right one."""
         now, written = self._places[column], self._written(column)
         at, handle = _nearest(now[:, 0], written[:, 0]), slice(2 + 2 * side, 4 + 2 * side)
-        moved = [k < 0 or np.abs(row[handle] - written[k, handle]).max() > SAME_HANDLE for row, k in zip(now, at, strict=True)]
+        moved = [
+            k < 0 or np.abs(row[handle] - written[k, handle]).max() > SAME_HANDLE
+            for row, k in zip(now, at, strict=True)
+        ]
         return np.array(moved, dtype=bool).reshape(len(now))
 
     def _common(self, joint: int) -> np.ndarray:
@@ -126,7 +146,7 @@ class FewKeys:
         return times[np.abs(times - np.rint(times)) < ON_FRAME].astype(np.float64)
 
     def _find_released(self) -> list[tuple[Pin, Stretch]]:
-        """Stretches that the artist's keys once shaped, all of which were taken out since: they are no wish any more."""
+        """Stretches that keys of the artist's shaped, all of which were taken out since: they are no wish any more."""
         found = []
         for pin in self._kept_pins():
             joint, stretch = self.names.index(pin.bone), self._stretch(pin)
@@ -172,7 +192,9 @@ class FewKeys:
                 over = (bounds[:-1] < start + stretch.last - ON_FRAME) & (bounds[1:] > start + stretch.first + ON_FRAME)
                 touched |= over
         for stretch in released:
-            touched &= ~((bounds[:-1] >= start + stretch.first - ON_FRAME) & (bounds[1:] <= start + stretch.last + ON_FRAME))
+            touched &= ~(
+                (bounds[:-1] >= start + stretch.first - ON_FRAME) & (bounds[1:] <= start + stretch.last + ON_FRAME)
+            )
         found: list[Stretch] = []
         for k in np.flatnonzero(touched):
             first, last = round(bounds[k] - start), round(bounds[k + 1] - start)
@@ -187,15 +209,20 @@ class FewKeys:
         now, written = self._places[column], self._written(column)
         at = _nearest(now[:, 0], written[:, 0])
         return np.array(
-            [k >= 0 and written[k, 6] > 0.5 and abs(row[1] - written[k, 1]) <= SAME for row, k in zip(now, at, strict=True)],
+            [
+                k >= 0 and written[k, 6] > 0.5 and abs(row[1] - written[k, 1]) <= SAME
+                for row, k in zip(now, at, strict=True)
+            ],
             dtype=bool,
         ).reshape(len(now))
 
     # --- back into the curves -----------------------------------------------------------------------------------------
 
-    def write(self, motion: Motion, values: np.ndarray, contacts: np.ndarray, held: dict[int, set[int]]) -> tuple[int, int]:
-        """Fits the curves of the limbs whose motion has changed to `values` (frames, columns), from a key before the change
-        to one after it and around what is held there. Gives the first and the last frame between these keys.
+    def write(
+        self, motion: Motion, values: np.ndarray, contacts: np.ndarray, held: dict[int, set[int]]
+    ) -> tuple[int, int]:
+        """Fits the curves of the limbs whose motion has changed to `values` (frames, columns): from a key before the
+        change to one after it, around what is held there. Gives the first and the last frame between these keys.
         """
         changed = self._changed_frames(motion)
         for pin, stretch in self._released:
@@ -245,7 +272,7 @@ class FewKeys:
         return (int(before[-1]) if len(before) else 0), (int(after[0]) + last + 1 if len(after) else self._count - 1)
 
     def _write(self, joint: int, new: BoneKeys, stays: np.ndarray) -> None:
-        """Has the curves of a joint have its new keys where they do not stay, and at the ends of that its new handles."""
+        """Has a joint's curves have its new keys where they do not stay, and at the ends of that its new handles."""
         start = self.solved.start_frame
         free = [(start + first, start + last + 1) for first, last in _runs(~stays[:-1])]
         for axis, column in enumerate(columns_of(joint)):
@@ -297,8 +324,10 @@ def _nearest(times: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def _touch(touched: np.ndarray, bounds: np.ndarray, times: np.ndarray, sides: tuple[int, ...] = (-1, 0)) -> None:
-    """Marks the stretches between bounds within which times lie, and of those on a bound the ones before (-1) and after it
-    (0) that are asked for."""
+    """Marks the stretches between bounds within which times lie.
+
+    At a bound those before it (-1) and after it (0) that are asked for.
+    """
     on = _nearest(times, bounds)
     within = np.searchsorted(bounds, times[on < 0]) - 1
     touched[within[(within >= 0) & (within < len(touched))]] = True
