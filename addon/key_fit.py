@@ -37,9 +37,9 @@ PLACES = {
     "Neck": 2.0 / 3.0,
     **dict.fromkeys(("LeftHand", "RightHand", *FEET[0], *FEET[1]), 1.0),
 }
-TURNS = {"Hips": 0.15, "Spine": 0.3, "Spine1": 0.3, "Spine2": 0.3}
-#: How far what stands may drift from a frame to the next beyond what it does in the motion, of the tolerance of a place.
-DRIFT = 0.5
+TURNS = {"Hips": 0.1, "Spine": 0.3, "Spine1": 0.3, "Spine2": 0.3}
+#: How far what stands may drift from a frame to the next beyond what it does in the motion, of a place's tolerance.
+DRIFT = 0.6
 #: A contact of more than this is planted.
 PLANTED = 0.75
 
@@ -120,8 +120,8 @@ def fit(
 ) -> list[BoneKeys]:
     """The new keys of each bone for one pose a frame, no further from it than the tolerance at frames and between them.
 
-    `planted` (frames, 2): whether left and right foot stand. Where `stays` (frames, bones) says so, the curves stay from a
-    frame to the next as `played` has them at every half frame.
+    `planted` (frames, 2): whether left and right foot stand. Where `stays` (frames, bones) says so, the curves stay from
+    a frame to the next as `played` has them at every half frame.
     """
     count = len(wanted.locations)
     metres = tolerance_mm / 1000.0

@@ -96,7 +96,7 @@ def write_keys(curve: bpy.types.FCurve, keys: Keys) -> None:
 
 
 def _settle(curve: bpy.types.FCurve) -> None:
-    """Has the handles of a curve be the same after each further look of Blender's, which aligns them anew and rounds."""
+    """Has the handles of a curve stay as they are when Blender looks at them again, which aligns and rounds anew."""
     before = read_places(curve)
     for _ in range(MOST_LOOKS):
         curve.update()

@@ -27,7 +27,7 @@ from .every_frame import SAME, signed
 from .pins import Pin
 from .solved import Curves, Solved, channels_of, column_curves, columns_of, with_written
 
-#: How far a handle may be from where it was written, frames and channels, and be the same: Blender may turn it a little.
+#: How far a handle may be from where it was written, frames and channels, and be the same: Blender aligns and rounds.
 SAME_HANDLE = 1e-4
 
 
@@ -43,7 +43,7 @@ class Stretch:
 
 
 class FewKeys:
-    """What plays otherwise than it was written is the artist's, from the key before to the key after; the curves there stay."""
+    """What plays otherwise than it was written is the artist's, from key to key, and the curves there stay."""
 
     def __init__(
         self,
@@ -146,7 +146,7 @@ class FewKeys:
         return times[np.abs(times - np.rint(times)) < ON_FRAME].astype(np.float64)
 
     def _find_released(self) -> list[tuple[Pin, Stretch]]:
-        """Stretches that the artist's keys once shaped, all of which were taken out since: they are no wish any more."""
+        """Stretches that keys of the artist's shaped, all of which were taken out since: they are no wish any more."""
         found = []
         for pin in self._kept_pins():
             joint, stretch = self.names.index(pin.bone), self._stretch(pin)
@@ -279,7 +279,7 @@ class FewKeys:
         return (int(before[-1]) if len(before) else 0), (int(after[0]) + last + 1 if len(after) else self._count - 1)
 
     def _write(self, joint: int, new: BoneKeys, stays: np.ndarray) -> None:
-        """Has the curves of a joint have its new keys where they do not stay, and at the ends of that its new handles."""
+        """Has a joint's curves have its new keys where they do not stay, and at the ends of that its new handles."""
         start = self.solved.start_frame
         free = [(start + first, start + last + 1) for first, last in _runs(~stays[:-1])]
         for axis, column in enumerate(columns_of(joint)):
@@ -331,8 +331,10 @@ def _nearest(times: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def _touch(touched: np.ndarray, bounds: np.ndarray, times: np.ndarray, sides: tuple[int, ...] = (-1, 0)) -> None:
-    """Marks the stretches between bounds within which times lie, and of those on a bound the ones before (-1) and after it
-    (0) that are asked for."""
+    """Marks the stretches between bounds within which times lie.
+
+    At a bound those before it (-1) and after it (0) that are asked for.
+    """
     on = _nearest(times, bounds)
     within = np.searchsorted(bounds, times[on < 0]) - 1
     touched[within[(within >= 0) & (within < len(touched))]] = True

@@ -2,8 +2,8 @@
 """The live take: the one action that is written over and over while the cues are followed.
 
 It is made, and the character plays it, when the following begins, within an operator's undo step. Later only its keys
-change, so that no step of the undo history is without it. Every frame is keyed, whatever the settings say: it is made anew
-many times a second, and few keys are for what is edited.
+change, so that no step of the undo history is without it. Every frame is keyed, whatever the settings say: it is made
+anew many times a second, and few keys are for what is edited.
 """
 
 from __future__ import annotations

@@ -97,7 +97,7 @@ def solved_take(
 
 
 def with_written(solved: Solved, curves: Curves, names: list[str], own: dict[int, set[tuple[float, float]]]) -> Solved:
-    """The same with the few keys that stand in the curves now; `own` are the artist's, by column their frame and value."""
+    """The same with the few keys that stand in the curves now; `own`: the artist's, by column frame and value."""
     times = solved.start_frame + np.arange(len(solved.keys), dtype=np.float64)
     keys, written = solved.keys.astype(np.float32), []
     for column, curve in enumerate(column_curves(curves, names)):

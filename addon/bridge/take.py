@@ -152,7 +152,7 @@ class Take:
         return self.keys.artist_keys()
 
     def gaps(self) -> dict[int, set[int]]:
-        """Joint → indices of the scene frames at which the artist took its key out, and what plays there instead stays."""
+        """Joint → indices of the scene frames at which the artist took its key out: what plays there instead stays."""
         return self.keys.gaps()
 
     def _check_nothing_lies_outside(self) -> None:

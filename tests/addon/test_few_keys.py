@@ -1,5 +1,8 @@
 """Takes of few keys: how near they are to the motion, what the artist does to them, and what Re-solve leaves of it."""
 
+import base64
+import io
+import itertools
 import json
 
 import bpy
@@ -175,7 +178,7 @@ def test_keys_are_bezier_and_typed_as_the_runs(oncue, sitting):
         for point in curve.keyframe_points:
             assert (point.interpolation, point.type) == ("BEZIER", "GENERATED")
         points = curve.keyframe_points
-        for here, after in zip(points, points[1:], strict=False):
+        for here, after in itertools.pairwise(points):
             third = (after.co.x - here.co.x) / 3
             assert here.handle_right.x - here.co.x == pytest.approx(third, abs=1e-3)
             assert after.co.x - after.handle_left.x == pytest.approx(third, abs=1e-3)
@@ -221,7 +224,7 @@ def test_at_another_frame_rate(oncue, context, core, fixtures, skeleton, rate):
 
 def test_a_scene_of_centimetres_has_the_same_keys(oncue, context, skeleton, sitting):
     """The tolerance is the person's, whatever a unit is."""
-    character, action = sitting
+    _, action = sitting
     solved = oncue("bridge.solved").solved_of(action)
     counts = {}
     for scale in (1.0, 0.01):
@@ -578,9 +581,6 @@ def test_an_old_take_solves_as_it_did(oncue, sitting, skeleton, take_of):
 
 
 def test_damage_to_the_written_keys_is_a_sentence(oncue, sitting):
-    import base64
-    import io
-
     _, action = sitting
     solved = oncue("bridge.solved")
     with np.load(io.BytesIO(base64.b85decode(action["oncue_solved"]))) as kept:

@@ -466,16 +466,16 @@ def fit_keys(
     played_rotations: NDArray[np.float64] | None = None,
     stays: NDArray[np.bool_] | None = None,
 ) -> list[tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]:
-    """Few keys of Bezier curves for the channels of any bones: (frames, values, slopes before, slopes after) of each bone.
+    """Few keys of Bezier curves for the channels of any bones: of each (frames, values, slopes before, slopes after).
 
-    Between two keys a curve is the cubic whose handles lie at a third of the span; slopes are by the frame, and NaN on a
-    side where the curves stay or there is none. Values are (keys, 4), w first; the first bone's (keys, 7), its
+    Between two keys a curve is the cubic whose handles lie at a third of the span; slopes are by the frame, and NaN on
+    a side where the curves stay or there is none. Values are (keys, 4), w first; the first bone's (keys, 7), its
     location last. Any unit of length; angles in radians.
 
-    `parents` come before their children, -1 for none; `offsets` (bones, 3) and `rests` (bones, 4) place each bone in its
-    parent's rest frame. `limbs` are (bones, frames keyed in any case), parents first: their bones share keys.
-    `tolerances` (bones, 2): how far the bone's head in space and its own rotation may be from the motion, infinite where
-    it does not count. `planted` (frames, bones): which bones may not drift by more than `drift` to the next frame.
+    `parents` come before their children, -1 for none; `offsets` (bones, 3) and `rests` (bones, 4) place each bone in
+    its parent's rest frame. `limbs` are (bones, frames keyed in any case), parents first: their bones share keys.
+    `tolerances` (bones, 2): how far the bone's head in space and its own rotation may be from the motion, infinite
+    where it does not count. `planted` (frames, bones): which bones may not drift by more than `drift` to the next frame.
 
     `locations` (frames, 3) of the first bone and `rotations` (frames, bones, 4) are the motion, with signs that do not
     jump. Where `stays` (frames, bones), the curves stay from a frame to the next as `played_locations`

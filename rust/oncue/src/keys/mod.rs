@@ -10,6 +10,8 @@ mod bones;
 mod path;
 mod refine;
 mod segment;
+#[cfg(test)]
+mod tests;
 
 use glam::{DQuat, DVec3};
 
@@ -20,6 +22,9 @@ use segment::Segments;
 
 use crate::error::{Error, Result};
 
+/// How often what carries limbs is fitted nearer to the motion, and how much nearer each time.
+const ROUNDS: usize = 5;
+const NEARER: f64 = 0.6;
 /// A quaternion that is shorter turns nothing.
 const SHORTEST: f64 = 1e-6;
 
@@ -95,28 +100,66 @@ pub fn fit_keys(
     kept: Option<&Kept>,
 ) -> Result<Vec<BoneKeys>> {
     check(bones, limbs, limits, motion, kept)?;
-    let mut keys = vec![BoneKeys::default(); bones.len()];
+    let keys = vec![BoneKeys::default(); bones.len()];
     if motion.locations.is_empty() {
         return Ok(keys);
     }
     let channels = Channels::new(bones.len(), motion, kept);
     let truth = World::new(bones, &channels.wanted);
+    let mut limits = limits.clone();
+    for _ in 0..ROUNDS {
+        match fit_limbs(bones, limbs, &limits, &channels, &truth, true) {
+            Ok(keys) => return Ok(keys),
+            // Not even a key on every frame makes up for what this limb hangs on: that comes nearer to the motion.
+            Err(limb) => {
+                for bone in over(bones, limbs, limb) {
+                    limits.tolerances[bone].place *= NEARER;
+                    limits.tolerances[bone].turn *= NEARER;
+                }
+            }
+        }
+    }
+    Ok(fit_limbs(bones, limbs, &limits, &channels, &truth, false).unwrap_or(keys))
+}
+
+/// The keys of all bones; if they `must` be within the limits, else the first limb that is not.
+fn fit_limbs(
+    bones: &Bones,
+    limbs: &[Limb],
+    limits: &Limits,
+    channels: &Channels,
+    truth: &World,
+    must: bool,
+) -> std::result::Result<Vec<BoneKeys>, usize> {
+    let mut keys = vec![BoneKeys::default(); bones.len()];
     let mut played = truth.clone();
-    for limb in limbs {
+    for (index, limb) in limbs.iter().enumerate() {
         let before = played.clone();
-        let segments = Segments::new(bones, limb, limits, &channels, &truth, &before);
+        let segments = Segments::new(bones, limb, limits, channels, truth, &before);
         // What stays is placed anew too where what it hangs on does not.
         played.hang(bones, limb, &channels.wanted);
         for (from, to) in segments.runs() {
             let path = fewest(&segments, from, to);
             let spans = segments.spans(&path);
-            for (&bone, new) in limb.bones.iter().zip(segments.keys(&path, &spans)) {
+            if must && !spans.holds && bones.parents[limb.bones[0]].is_some() {
+                return Err(index);
+            }
+            for (&bone, new) in limb.bones.iter().zip(segments.keys(&path, &spans.slopes)) {
                 keys[bone].append(new);
             }
-            played.replace(limb, 2 * from, &segments.play(&path, &spans));
+            played.replace(limb, 2 * from, &segments.play(&path, &spans.slopes));
         }
     }
     Ok(keys)
+}
+
+/// The bones of the limbs that a limb hangs on.
+fn over(bones: &Bones, limbs: &[Limb], limb: usize) -> Vec<usize> {
+    let parent = |bone: &usize| bones.parents[*bone];
+    let above: Vec<usize> =
+        limbs[limb].bones.iter().flat_map(|&bone| std::iter::successors(parent(&bone), parent)).collect();
+    let carries = |other: &&Limb| **other != limbs[limb] && other.bones.iter().any(|bone| above.contains(bone));
+    limbs.iter().filter(carries).flat_map(|other| other.bones.clone()).collect()
 }
 
 fn check(bones: &Bones, limbs: &[Limb], limits: &Limits, motion: &Poses, kept: Option<&Kept>) -> Result<()> {

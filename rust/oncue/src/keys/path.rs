@@ -15,6 +15,9 @@ const PATIENCE: usize = 3;
 
 /// The frames of a stretch to key, both ends included: few, and where the limb turns or passes rather than beside it.
 pub(super) fn fewest(segments: &Segments, from: usize, to: usize) -> Vec<usize> {
+    if from == to {
+        return vec![from];
+    }
     let keyed = segments.keyed(from, to);
     let telling = telling(&segments.speeds(from, to));
     let can_be: Vec<bool> = (from..=to).into_par_iter().map(|frame| segments.can_be_keyed(frame)).collect();

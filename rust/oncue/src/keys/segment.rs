@@ -8,7 +8,7 @@ use super::{BoneKeys, Bones, Limb, Limits};
 /// The longest span between two keys, frames.
 pub(super) const LONGEST: usize = 120;
 /// How strongly a handle is drawn to the motion's own slope, in frames of the fit.
-const TO_SLOPE: f64 = 0.02;
+const TO_SLOPE: f64 = 0.004;
 /// A rotation's channels and the location's.
 const MOST_CHANNELS: usize = 7;
 
@@ -30,6 +30,14 @@ pub(super) struct Misfit {
     pub(super) worst: f64,
     /// How far the speed at the ends is from the motion's, in tolerances a frame.
     pub(super) kink: f64,
+}
+
+/// The curves of a limb along a path of keys.
+pub(super) struct Spans {
+    /// Span by span of each bone; None where its curves stay.
+    pub(super) slopes: Vec<Vec<Option<Slopes>>>,
+    /// Whether all are within the tolerance.
+    pub(super) holds: bool,
 }
 
 /// A limb's motion, cut where keys are.
@@ -71,6 +79,9 @@ impl<'a> Segments<'a> {
     /// First and last frame of each stretch in which some of the limb's curves are to be made.
     pub(super) fn runs(&self) -> Vec<(usize, usize)> {
         let mut runs: Vec<(usize, usize)> = Vec::new();
+        if self.channels.frames == 1 && !self.is_kept(0) {
+            runs.push((0, 0));
+        }
         for frame in (0..self.channels.frames.saturating_sub(1)).filter(|&frame| !self.is_kept(frame)) {
             match runs.last_mut() {
                 Some((_, last)) if *last == frame => *last = frame + 1,
@@ -199,20 +210,21 @@ impl<'a> Segments<'a> {
     }
 
     /// The slopes of each span of a path of key frames, as nearly the same on both sides of a key as the tolerance allows.
-    pub(super) fn spans(&self, path: &[usize]) -> Vec<Vec<Option<Slopes>>> {
-        let mut spans: Vec<_> = path.windows(2).map(|span| self.span(span[0], span[1]).0).collect();
-        for key in 1..spans.len() {
+    pub(super) fn spans(&self, path: &[usize]) -> Spans {
+        let fitted = path.windows(2).map(|span| self.span(span[0], span[1]));
+        let (mut slopes, misfits): (Vec<_>, Vec<_>) = fitted.unzip();
+        for key in 1..slopes.len() {
             for share in [1.0, 0.5] {
-                let (left, right) = bent(&spans[key - 1], &spans[key], share);
+                let (left, right) = bent(&slopes[key - 1], &slopes[key], share);
                 if self.misfit(path[key - 1], path[key], &left).is_some()
                     && self.misfit(path[key], path[key + 1], &right).is_some()
                 {
-                    (spans[key - 1], spans[key]) = (left, right);
+                    (slopes[key - 1], slopes[key]) = (left, right);
                     break;
                 }
             }
         }
-        spans
+        Spans { slopes, holds: misfits.iter().all(Option::is_some) }
     }
 
     /// The limb's curves between two keys, and how far they are from the motion; None where that is too far.
@@ -273,7 +285,7 @@ impl<'a> Segments<'a> {
                 for (index, &frame) in path.iter().enumerate() {
                     let before = index.checked_sub(1).and_then(|span| spans[span][k]);
                     let after = spans.get(index).and_then(|span| span[k]);
-                    if before.is_none() && after.is_none() {
+                    if before.is_none() && after.is_none() && path.len() > 1 {
                         continue;
                     }
                     keys.frames.push(frame);
