@@ -24,6 +24,8 @@ from .names import MAPPING_KEY, REPORT_KEY
 OF_A_FOOT = 0.5
 #: Height of the core's hip joints over its soles, metres.
 HIPS = 0.973
+#: No corner of a foot is farther from its ankle, the core's metres.
+FOOT_REACH = 0.4
 #: Fewer corners are no foot.
 FEWEST_CORNERS = 6
 
@@ -184,7 +186,10 @@ def _sole(character: bpy.types.Object, rig: Rig, mapping: dict, side: str) -> So
     }
     # Rigify's skin hangs on twins of the body's bones.
     of_foot |= {name.replace(rigify.BODY, "DEF-", 1) for name in of_foot if name.startswith(rigify.BODY)}
-    corners = [places for mesh in skins(character) for places in _corners(character, mesh, of_foot)]
+    ankle = rig.head(f"{side}Foot")
+    assert ankle is not None  # a rig without ankles is none
+    reach = FOOT_REACH * rig.unit
+    corners = [places for mesh in skins(character) for places in _corners(character, mesh, of_foot, ankle, reach)]
     if not corners:
         return None
     seen = np.concatenate(corners) @ rig.axes
@@ -202,19 +207,26 @@ def skins(character: bpy.types.Object) -> Iterator[bpy.types.Object]:
             yield thing
 
 
-def _corners(character: bpy.types.Object, mesh: bpy.types.Object, bones: set[str]) -> Iterator[np.ndarray]:
-    """The corners of a mesh that belong to the bones, as they are at rest, armature space."""
+def _corners(
+    character: bpy.types.Object, mesh: bpy.types.Object, bones: set[str], near: np.ndarray, reach: float
+) -> Iterator[np.ndarray]:
+    """The corners of a mesh that belong to the bones, as they are at rest, armature space; none farther than `reach`
+    from the place `near`."""
     groups = {group.index for group in mesh.vertex_groups if group.name in bones}
     if not groups:
         return
-    found = []
-    for vertex in mesh.data.vertices:
-        total = sum(entry.weight for entry in vertex.groups)
-        if total > 0.0 and sum(e.weight for e in vertex.groups if e.group in groups) > OF_A_FOOT * total:
-            found.append(vertex.index)
-    if not found:
-        return
+    places = np.empty(len(mesh.data.vertices) * 3, dtype=np.float32)
+    mesh.data.vertices.foreach_get("co", places)
     # Bound at rest: where both objects stand says where the mesh lies on the bones.
     to_armature = np.array(character.matrix_world.inverted_safe() @ mesh.matrix_world, dtype=np.float64)
-    places = np.array([mesh.data.vertices[k].co for k in found], dtype=np.float64)
-    yield places @ to_armature[:3, :3].T + to_armature[:3, 3]
+    places = places.reshape(-1, 3).astype(np.float64) @ to_armature[:3, :3].T + to_armature[:3, 3]
+    # Weights are asked for corner by corner: of a whole body that takes long.
+    beside = np.flatnonzero(np.linalg.norm(places - near, axis=1) < reach)
+    found = []
+    for index in beside.tolist():
+        entries = mesh.data.vertices[index].groups
+        total = sum(entry.weight for entry in entries)
+        if total > 0.0 and sum(entry.weight for entry in entries if entry.group in groups) > OF_A_FOOT * total:
+            found.append(index)
+    if found:
+        yield places[found]
