@@ -244,9 +244,9 @@ class Take:
             self._keep(motion, contacts)
             return None
         values = flat(*self._space.channels(resample(motion, self.solved.scene_rate)))
-        first, last = self.keys.write(motion, values, contacts, held)
+        touched = self.keys.write(motion, values, contacts, held)
         self._keep(motion, contacts)
-        return first + self.solved.start_frame, last + self.solved.start_frame
+        return None if touched is None else tuple(frame + self.solved.start_frame for frame in touched)
 
     def _keep(self, motion: Motion, contacts: np.ndarray) -> None:
         keep_solved(self.action, self.keys.kept(replace(self.solved, motion=motion, contacts=contacts)))
