@@ -668,6 +668,7 @@ def test_damage_to_the_written_keys_is_a_sentence(oncue, sitting):
         {"counts": arrays["counts"].astype(float)},
         {"written": np.full_like(arrays["written"], np.nan)},
         {"counts": None},
+        {"form": None, "keys": arrays["keys"][:, :-1]},
     )
     for changed in broken:
         packed = io.BytesIO()
@@ -676,6 +677,11 @@ def test_damage_to_the_written_keys_is_a_sentence(oncue, sitting):
         action["oncue_solved"] = base64.b85encode(packed.getvalue()).decode("ascii")
         with pytest.raises(oncue("errors").SceneError, match="keeps of its motion is damaged"):
             solved.solved_of(action)
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **{**arrays, "form": np.array(3)})
+    action["oncue_solved"] = base64.b85encode(packed.getvalue()).decode("ascii")
+    with pytest.raises(oncue("errors").SceneError, match="is a take of a newer Oncue"):
+        solved.solved_of(action)
 
 
 def test_the_report_still_goes_with_the_take(oncue, sitting):
