@@ -156,7 +156,8 @@ def solved_of(action: bpy.types.Action) -> Solved:
             form = int(kept["form"]) if "form" in kept else 1
             if form > FORM:
                 raise SceneError(
-                    f"{action.name} is a take of a newer Oncue, which this one cannot read: update it, or synthesize again."
+                    f"{action.name} is a take of a newer Oncue, which this one cannot read: update it, or synthesize "
+                    "again."
                 )
             written = _columns(kept["counts"], kept["written"]) if form == FORM else None
         solved = Solved(motion, contacts, int(start_frame), scene_rate, metres_per_unit, matrix_world, keys, written)
