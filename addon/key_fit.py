@@ -120,8 +120,8 @@ def fit(
 ) -> list[BoneKeys]:
     """The new keys of each bone for one pose a frame, no further from it than the tolerance at frames and between them.
 
-    `planted` (frames, 2): whether left and right foot stand. Where `stays` (frames, bones) says so, the curves stay from
-    a frame to the next as `played` has them at every half frame.
+    `planted` (frames, 2): whether left and right foot stand. Where `stays` (frames, bones) says so, the curves stay
+    from a frame to the next as `played` has them at every half frame.
     """
     count = len(wanted.locations)
     metres = tolerance_mm / 1000.0

@@ -139,8 +139,8 @@ class OncueSettings(bpy.types.PropertyGroup):
     )
     key_tolerance: FloatProperty(
         name="Key Tolerance",
-        description="How far few keys may leave hands, feet and hips from the motion, millimetres; joints turn by up to "
-        "a degree at 3",
+        description="How far few keys may leave hands, feet and hips from the motion, millimetres; joints turn by up "
+        "to a degree at 3",
         default=TOLERANCE_MM,
         min=0.1,
         max=100.0,

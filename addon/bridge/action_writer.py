@@ -222,8 +222,8 @@ def rotation_values(rotation_mode: str, quaternions: np.ndarray) -> tuple[str, n
 def _show_frames(scene: bpy.types.Scene, action: bpy.types.Action, first: int, count: int) -> None:
     """Has the action say which frames are its motion's, and the scene end no earlier.
 
-    An end that an earlier take made is moved back too, as far as the artist's own. Where the shot begins is the artist's
-    alone.
+    An end that an earlier take made is moved back too, as far as the artist's own. Where the shot begins is the
+    artist's alone.
     """
     if not count:
         return

@@ -98,10 +98,11 @@ class EveryFrame:
 
     def write(
         self, motion: Motion, values: np.ndarray, _contacts, held: dict[int, set[int]], _changed=None
-    ) -> tuple[int, int]:
+    ) -> tuple[int, int] | None:
         """Writes what an edited motion has changed, `values` (frames, columns), but where joints are held.
 
-        Gives the first and the last frame that it touched. Keys that the artist took out stay out.
+        Gives the first and the last frame that it touched, or None where no frame of the scene has changed. Keys that
+        the artist took out stay out.
         """
         before = self.solved.motion
         changed = np.flatnonzero(
@@ -110,6 +111,8 @@ class EveryFrame:
         )
         times = np.arange(len(self.solved.keys)) * (before.frame_rate / self.solved.scene_rate)
         touched = np.flatnonzero((times > changed[0] - 1 + 1e-6) & (times < changed[-1] + 1 - 1e-6))
+        if not len(touched):
+            return None
         free = np.zeros(values.shape, dtype=bool)
         free[touched] = True
         for joint, frames in held.items():

@@ -25,7 +25,7 @@ from .curves import (
 )
 from .every_frame import SAME, signed
 from .pins import Pin
-from .solved import Curves, Solved, channels_of, column_curves, columns_of, with_written
+from .solved import OF_A_KEY, Curves, Solved, channels_of, column_curves, columns_of, with_written
 
 #: How far a handle may be from where it was written, frames and channels, and be the same: Blender aligns and rounds.
 SAME_HANDLE = 1e-4
@@ -40,6 +40,19 @@ class Stretch:
 
     def frames(self) -> set[int]:
         return set(range(self.first, self.last + 1))
+
+
+@dataclass(frozen=True)
+class Compared:
+    """The keys of a column, beside those that were written."""
+
+    times: np.ndarray
+    #: Which are new since, or have another value.
+    fresh: np.ndarray
+    #: Which are the artist's own: those, and the ones that were so already.
+    own: np.ndarray
+    #: Which have another left handle than was written, and which another right one.
+    bent: tuple[np.ndarray, ...]
 
 
 class FewKeys:
@@ -66,8 +79,8 @@ class FewKeys:
         self.shown = self._halves[::2]
         self._places = [read_places(curve) for curve in self._curves]
         self._differs = np.abs(self.shown - solved.keys) > SAME
-        #: By column, the keys that are the artist's own: new, or moved.
-        self._own = [self._changed(column) for column in range(len(self._curves))]
+        self._written = solved.written or []
+        self._keys = [self._compared(column) for column in range(len(self._curves))]
         self._released = self._find_released()
         self._shaped = [self._find_shaped(joint) for joint in range(len(names))]
 
@@ -108,32 +121,15 @@ class FewKeys:
                 out[:, column] = played(curve, times)
         return out
 
-    def _changed(self, column: int) -> np.ndarray:
-        """Which keys of a column were not written by the run: there was none at that time, or it had another value."""
-        now, written = self._places[column], self._written(column)
+    def _compared(self, column: int) -> Compared:
+        """The keys of a column beside those that were written."""
+        now, written = self._places[column], self._written[column]
         at = _nearest(now[:, 0], written[:, 0])
-        return np.array(
-            [
-                k < 0 or abs(row[1] - written[k, 1]) > SAME or written[k, 6] > 0.5
-                for row, k in zip(now, at, strict=True)
-            ],
-            dtype=bool,
-        ).reshape(len(now))
-
-    def _written(self, column: int) -> np.ndarray:
-        written = self.solved.written
-        assert written is not None
-        return written[column]
-
-    def _is_bent(self, column: int, side: int) -> np.ndarray:
-        """Which keys of a column have another handle than was written: 0 the left one, 1 the right one."""
-        now, written = self._places[column], self._written(column)
-        at, handle = _nearest(now[:, 0], written[:, 0]), slice(2 + 2 * side, 4 + 2 * side)
-        moved = [
-            k < 0 or np.abs(row[handle] - written[k, handle]).max() > SAME_HANDLE
-            for row, k in zip(now, at, strict=True)
-        ]
-        return np.array(moved, dtype=bool).reshape(len(now))
+        like = written[np.maximum(at, 0)] if len(written) else np.zeros((len(now), OF_A_KEY), dtype=np.float32)
+        away = np.where(at[:, None] >= 0, np.abs(now - like[:, :6]), np.inf)
+        fresh = away[:, 1] > SAME
+        bent = tuple(away[:, side : side + 2].max(axis=1, initial=0.0) > SAME_HANDLE for side in (2, 4))
+        return Compared(now[:, 0].astype(np.float64), fresh, fresh | (like[:, 6] > 0.5), bent)
 
     def _common(self, joint: int) -> np.ndarray:
         """The times at which all of a joint's curves have a key, which are the ends of what can be told apart."""
@@ -150,8 +146,8 @@ class FewKeys:
         found = []
         for pin in self._kept_pins():
             joint, stretch = self.names.index(pin.bone), self._stretch(pin)
-            had = any(self._within(self._written(c), pin)[:, 6].max(initial=0.0) > 0.5 for c in columns_of(joint))
-            has = any(len(self._within(self._places[c][self._own[c]], pin)) for c in columns_of(joint))
+            had = any(self._within(self._written[c], pin)[:, 6].max(initial=0.0) > 0.5 for c in columns_of(joint))
+            has = any(len(self._within(self._places[c][self._keys[c].own], pin)) for c in columns_of(joint))
             if stretch is not None and had and not has:
                 found.append((pin, stretch))
         return found
@@ -179,11 +175,10 @@ class FewKeys:
         touched = np.zeros(len(bounds) - 1, dtype=bool)
         released = [stretch for pin, stretch in self._released if pin.bone == self.names[joint]]
         for column in columns_of(joint):
-            if self._curves[column] is not None:
-                times = self._places[column][:, 0].astype(np.float64)
-                _touch(touched, bounds, times[self._own[column] & ~self._was_own(column)])
-                _touch(touched, bounds, times[self._is_bent(column, 0)], (-1,))
-                _touch(touched, bounds, times[self._is_bent(column, 1)], (0,))
+            keys = self._keys[column]
+            _touch(touched, bounds, keys.times[keys.fresh])
+            _touch(touched, bounds, keys.times[keys.bent[0]], (-1,))
+            _touch(touched, bounds, keys.times[keys.bent[1]], (0,))
         different = np.flatnonzero(self._differs[:, columns_of(joint)].any(axis=1))
         _touch(touched, bounds, start + different)
         for pin in self._kept_pins():
@@ -204,18 +199,6 @@ class FewKeys:
                 found.append(Stretch(first, last))
         return found
 
-    def _was_own(self, column: int) -> np.ndarray:
-        """Which of a column's keys were the artist's at the last solve and are as they were then."""
-        now, written = self._places[column], self._written(column)
-        at = _nearest(now[:, 0], written[:, 0])
-        return np.array(
-            [
-                k >= 0 and written[k, 6] > 0.5 and abs(row[1] - written[k, 1]) <= SAME
-                for row, k in zip(now, at, strict=True)
-            ],
-            dtype=bool,
-        ).reshape(len(now))
-
     # --- back into the curves -----------------------------------------------------------------------------------------
 
     def write(
@@ -225,9 +208,10 @@ class FewKeys:
         contacts: np.ndarray,
         held: dict[int, set[int]],
         changed: np.ndarray | None = None,
-    ) -> tuple[int, int]:
-        """Fits the curves of the limbs whose motion has changed to `values` (frames, columns), from a key before the
-        change to one after it and around what is held there. Gives the first and the last frame between these keys.
+    ) -> tuple[int, int] | None:
+        """Fits the curves of the limbs whose motion has changed to `values` (frames, columns): from a key before the
+        change to one after it, around what is held there. Gives the first and the last frame between these keys, or
+        None where no frame of the scene has changed.
 
         `changed` (frames, bones) says what has changed where a bone does not show a joint each.
         """
@@ -245,6 +229,8 @@ class FewKeys:
             for first, last in _runs(np.isin(np.arange(self._count), list(frames))):
                 stays[first:last, joint] = True
         self._name_own()
+        if not ends:
+            return None
         wanted = _channels(signed(values, self.shown))
         planted = planted_frames(contacts, motion.frame_rate, self.solved.scene_rate, self._count)
         new = fit(self._rest, wanted, planted, self._tolerance_mm, _channels(self._halves), stays)
@@ -291,7 +277,10 @@ class FewKeys:
             keys, fresh = read_keys(curve), fitted(new, channel, start)
             inside = np.zeros(len(keys), dtype=bool)
             for first, last in free:
-                inside |= (keys.times > first + ON_FRAME) & (keys.times < last - ON_FRAME)
+                # A seam's key stays; at the motion's own ends there is none.
+                low = first - 1.0 if first == start else first
+                high = last + 1.0 if last == start + self._count - 1 else last
+                inside |= (keys.times > low + ON_FRAME) & (keys.times < high - ON_FRAME)
             keys = keys.chosen(~inside)
             at = _nearest(fresh.times, keys.times)
             for k in np.flatnonzero(at >= 0):
@@ -301,7 +290,7 @@ class FewKeys:
     def _name_own(self) -> None:
         """What the artist moved of the run's keys is no longer typed as the run's."""
         for column, curve in enumerate(self._curves):
-            own = self._places[column][self._own[column], 0]
+            own = self._keys[column].times[self._keys[column].own]
             if curve is None or not len(own):
                 continue
             points = curve.keyframe_points
@@ -314,7 +303,7 @@ class FewKeys:
     def kept(self, solved: Solved) -> Solved:
         """A take's motion with the keys that stand in the curves now, and which of them are the artist's."""
         own = {
-            column: {(float(row[0]), float(row[1])) for row in self._places[column][self._own[column]]}
+            column: {(float(row[0]), float(row[1])) for row in self._places[column][self._keys[column].own]}
             for column in range(len(self._curves))
         }
         return with_written(solved, self._all, self.names, own)

@@ -23,6 +23,8 @@ from .scene_time import frame_rate
 
 #: More is no motion, bytes: an hour of one takes 200 million.
 LARGEST_TAKE = 500_000_000
+#: The form of what is kept of few keys; the first, which says no number, has a key on every frame.
+FORM = 2
 #: Numbers of a written key: of itself and of its two handles frame and value, and whether it is the artist's own.
 OF_A_KEY = 7
 
@@ -128,8 +130,9 @@ def keep_solved(action: bpy.types.Action, solved: Solved) -> None:
         "matrix_world": solved.matrix_world,
         "keys": solved.keys.astype(np.float32),
     }
-    # Takes of the first form have none of these two: every frame of theirs is keyed.
+    # Takes of the first form have none of these: every frame of theirs is keyed.
     if solved.written is not None:
+        arrays["form"] = np.array(FORM)
         arrays["counts"] = np.array([len(column) for column in solved.written], dtype=np.int64)
         arrays["written"] = np.concatenate(solved.written).astype(np.float32)
     packed = io.BytesIO()
@@ -152,7 +155,13 @@ def solved_of(action: bpy.types.Action) -> Solved:
             core_rate, start_frame, scene_rate, metres_per_unit = kept["scale"].tolist()
             motion = Motion(kept["root_positions"], kept["rotations"], core_rate)
             contacts, matrix_world, keys = kept["contacts"], kept["matrix_world"], kept["keys"]
-            written = _columns(kept["counts"], kept["written"]) if "written" in kept or "counts" in kept else None
+            form = int(kept["form"]) if "form" in kept else 1
+            if form > FORM:
+                raise SceneError(
+                    f"{action.name} is a take of a newer Oncue, which this one cannot read: update it, or synthesize "
+                    "again."
+                )
+            written = _columns(kept["counts"], kept["written"]) if form == FORM else None
         solved = Solved(motion, contacts, int(start_frame), scene_rate, metres_per_unit, matrix_world, keys, written)
         _check_shapes(solved)
         return solved

@@ -264,9 +264,9 @@ class Take:
             return None
         values = flat(*self._space.channels(resample(motion, self.solved.scene_rate)))
         changed = None if self._space.is_exact else self._changed(values)
-        first, last = self.keys.write(motion, values, contacts, held, changed)
+        touched = self.keys.write(motion, values, contacts, held, changed)
         self._keep(motion, contacts)
-        return first + self.solved.start_frame, last + self.solved.start_frame
+        return None if touched is None else tuple(frame + self.solved.start_frame for frame in touched)
 
     def _changed(self, values: np.ndarray) -> np.ndarray:
         """Whether each bone is to play otherwise at each frame than before, (frames, bones): on a rig of other
@@ -274,8 +274,6 @@ class Take:
         now, before = (v[:, 3:].reshape(len(v), -1, 4) for v in (values, self._sampled))
         changed = np.abs(np.sum(now * before, axis=2)) < 1.0 - SAME_TURN
         changed[:, 0] |= np.abs(values[:, :3] - self._sampled[:, :3]).max(axis=1) > SAME_PLACE
-        if not changed.any():
-            changed[:, 0] = True
         return changed
 
     def _keep(self, motion: Motion, contacts: np.ndarray) -> None:

@@ -11,8 +11,8 @@ import pytest
 from mathutils import Quaternion
 
 from .runs import current_action, set_quick
-from .test_character import evaluated_heads
-from .test_edit import select, turn
+from .test_character import evaluated_heads, forward_kinematics
+from .test_edit import FRAMES, START, edited, motion, select, turn  # noqa: F401
 
 #: Hands, ankles, toes and hips: no further from the motion than this, metres.
 WATCHED = ("Hips", "LeftHand", "RightHand", "LeftFoot", "LeftToe", "RightFoot", "RightToe")
@@ -34,12 +34,21 @@ def skeleton(core):
     return core.skeleton()
 
 
+@pytest.fixture(scope="session")
+def take_file(tmp_path_factory):
+    """Where the take is kept that the tests begin with."""
+    return tmp_path_factory.mktemp("takes") / "stool.blend"
+
+
 @pytest.fixture
-def sitting(oncue, context, core, fixtures):
-    """A synthesized take of the stool's task: (character, action)."""
-    fixtures.stool_alone()
-    set_quick(bpy.context.scene)
-    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+def sitting(oncue, context, core, fixtures, take_file):
+    """A synthesized take of the stool's task, made once: (character, action)."""
+    if not take_file.exists():
+        fixtures.stool_alone()
+        set_quick(bpy.context.scene)
+        assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+        bpy.ops.wm.save_as_mainfile(filepath=str(take_file))
+    bpy.ops.wm.open_mainfile(filepath=str(take_file))
     character = bpy.context.scene.oncue.character
     return character, character.animation_data.action
 
@@ -256,6 +265,73 @@ def test_a_bone_that_turns_by_angles_is_keyed_on_every_frame(oncue, context, ske
     head = of_bone(oncue, written, "Head", "rotation_euler")
     assert [len(curve.keyframe_points) for curve in head] == [len(solved.keys)] * 3
     assert len(of_bone(oncue, written, "Neck")[0].keyframe_points) < 60
+
+
+# --- an edited motion, without the core ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def stroll(oncue, context, skeleton, motion):  # noqa: F811
+    """Makes the character with a stroll in few keys as its action: (character, action)."""
+
+    def make(rate):
+        context.scene.render.fps = rate
+        character = oncue("bridge.armature").make_character(context, skeleton)
+        context.scene.oncue.character = character
+        names, placed = list(skeleton["names"]), {"start_frame": START, "metres_per_unit": 1.0}
+        action = oncue("bridge.action_writer").write_action(
+            context, character, names, motion, name="Stroll", tolerance_mm=3.0, **placed
+        )
+        solved = oncue("bridge.solved")
+        contacts = np.zeros((FRAMES, 2))
+        kept = solved.solved_take(context.scene, character, names, motion, contacts, few=action, **placed)
+        solved.keep_solved(action, kept)
+        return character, action
+
+    return make
+
+
+@pytest.mark.parametrize("rate", [24, 30, 60])
+@pytest.mark.parametrize(("first", "last"), [(20, 30), (0, 12), (48, FRAMES - 1), (0, FRAMES - 1)])
+def test_only_the_span_that_changed_is_fitted_anew(oncue, stroll, take_of, motion, skeleton, rate, first, last):  # noqa: F811
+    character, action = stroll(rate)
+    before, (times, shown) = frozen(oncue, action), played(oncue, action)
+    new = edited(oncue, motion, skeleton["names"].index("RightArm"), first, last)
+    low, high = take_of(character).write(new, np.ones((FRAMES, 2)))
+    now, (_, plays) = frozen(oncue, action), played(oncue, action)
+    assert low <= START + first * rate / 30 + 1
+    assert high >= START + last * rate / 30 - 1
+    for name, keys in before.items():
+        outside = (times < low) | (times > high)
+        # Between the seam's key and the first frame after it the curve is new.
+        assert np.array_equal(plays[name][outside & (times % 1 == 0)], shown[name][outside & (times % 1 == 0)])
+        for frame, key in keys.items():
+            if frame < low - 1 or frame > high + 1:
+                assert now[name][frame] == key
+    # The legs' own turns were not touched: they go along with the hips.
+    assert now['pose.bones["LeftLeg"].rotation_quaternion', 0] == before['pose.bones["LeftLeg"].rotation_quaternion', 0]
+    frames = np.arange(action.frame_range[0], action.frame_range[1] + 1)
+    expected = forward_kinematics(skeleton, oncue("motion").resample(new, rate))
+    watched = [skeleton["names"].index(bone) for bone in ("Hips", "RightHand")]
+    heads = evaluated_heads(character, skeleton["names"], frames)
+    assert np.linalg.norm(heads[:, watched] - expected[:, watched], axis=2).max() <= 2 * TOLERANCE
+    assert take_of(character).artist_keys() == {}
+
+
+def test_what_no_frame_of_the_scene_shows_changes_nothing(oncue, stroll, take_of, motion, skeleton):  # noqa: F811
+    """At 12 frames a second some of the core's frames lie between two of the scene's and touch neither."""
+    character, action = stroll(12)
+    before = frozen(oncue, action)
+    new = edited(oncue, motion, skeleton["names"].index("RightArm"), 16, 16)
+    assert take_of(character).write(new, np.ones((FRAMES, 2))) is None
+    assert frozen(oncue, action) == before
+
+
+def test_an_unchanged_motion_changes_no_key(oncue, stroll, take_of, motion):  # noqa: F811
+    character, action = stroll(30)
+    before = frozen(oncue, action)
+    assert take_of(character).write(motion, np.ones((FRAMES, 2))) is None
+    assert frozen(oncue, action) == before
 
 
 # --- what the artist does ---------------------------------------------------------------------------------------------
@@ -592,6 +668,7 @@ def test_damage_to_the_written_keys_is_a_sentence(oncue, sitting):
         {"counts": arrays["counts"].astype(float)},
         {"written": np.full_like(arrays["written"], np.nan)},
         {"counts": None},
+        {"form": None, "keys": arrays["keys"][:, :-1]},
     )
     for changed in broken:
         packed = io.BytesIO()
@@ -600,6 +677,11 @@ def test_damage_to_the_written_keys_is_a_sentence(oncue, sitting):
         action["oncue_solved"] = base64.b85encode(packed.getvalue()).decode("ascii")
         with pytest.raises(oncue("errors").SceneError, match="keeps of its motion is damaged"):
             solved.solved_of(action)
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **{**arrays, "form": np.array(3)})
+    action["oncue_solved"] = base64.b85encode(packed.getvalue()).decode("ascii")
+    with pytest.raises(oncue("errors").SceneError, match="is a take of a newer Oncue"):
+        solved.solved_of(action)
 
 
 def test_the_report_still_goes_with_the_take(oncue, sitting):

@@ -118,8 +118,9 @@ def synthesized(oncue):
 
 
 def test_synthesis_and_resolve_go_along_the_chosen_manifold(stool, oncue, core, own):
-    # A seat that the motion has to be fitted to.
+    # A seat that the motion has to be fitted to; a key on every frame shows it as it is.
     bpy.data.objects["Sit"].location.z += 0.04
+    stool.oncue.every_frame = True
     shipped, report = synthesized(oncue)
     assert report["edited"]["seat"] is not None
     assert report["extension"]["manifold"] == ""

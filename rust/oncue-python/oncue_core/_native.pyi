@@ -475,7 +475,8 @@ def fit_keys(
     `parents` come before their children, -1 for none; `offsets` (bones, 3) and `rests` (bones, 4) place each bone in
     its parent's rest frame. `limbs` are (bones, frames keyed in any case), parents first: their bones share keys.
     `tolerances` (bones, 2): how far the bone's head in space and its own rotation may be from the motion, infinite
-    where it does not count. `planted` (frames, bones): which bones may not drift by more than `drift` to the next frame.
+    where it does not count. `planted` (frames, bones): which bones may not drift by more than `drift` to the next
+    frame.
 
     `locations` (frames, 3) of the first bone and `rotations` (frames, bones, 4) are the motion, with signs that do not
     jump. Where `stays` (frames, bones), the curves stay from a frame to the next as `played_locations`

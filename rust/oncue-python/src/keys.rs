@@ -54,9 +54,8 @@ pub fn fit_keys(
     let limits = Limits { tolerances, planted: planted.into_iter().collect(), drift };
     let limbs: Vec<Limb> = limbs.into_iter().map(|(bones, keyed)| Limb { bones, keyed }).collect();
     let parents = parents.iter().map(|&parent| usize::try_from(parent).ok()).collect();
-    let fitted = job::run(py, || {
-        fit(&Bones::new(parents, offsets, rests)?, &limbs, &limits, &motion, kept.as_ref())
-    })?;
+    let fitted =
+        job::run(py, || fit(&Bones::new(parents, offsets, rests)?, &limbs, &limits, &motion, kept.as_ref()))?;
     fitted.into_iter().map(|keys| give(py, keys)).collect()
 }
 

@@ -68,10 +68,8 @@ pub(super) struct Channels {
 impl Channels {
     pub(super) fn new(count: usize, motion: &Poses, kept: Option<&Kept>) -> Self {
         let frames = motion.locations.len();
-        let mut wanted = Poses {
-            locations: halved(&motion.locations, 1),
-            rotations: halved(&motion.rotations, count),
-        };
+        let mut wanted =
+            Poses { locations: halved(&motion.locations, 1), rotations: halved(&motion.rotations, count) };
         let Some(kept) = kept else {
             return Self { frames, bones: count, wanted, stays: vec![false; frames * count] };
         };
@@ -156,7 +154,8 @@ impl World {
             for &bone in &limb.bones {
                 let parent = bones.parents[bone].map_or(ORIGIN, |p| self.placed(sample, p));
                 let location = if bone == 0 { wanted.locations[sample] } else { DVec3::ZERO };
-                self.placed[sample * self.bones + bone] = bones.upon(bone, parent, self.local(sample, bone), location);
+                self.placed[sample * self.bones + bone] =
+                    bones.upon(bone, parent, self.local(sample, bone), location);
             }
         }
     }

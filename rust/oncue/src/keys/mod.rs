@@ -158,7 +158,8 @@ fn over(bones: &Bones, limbs: &[Limb], limb: usize) -> Vec<usize> {
     let parent = |bone: &usize| bones.parents[*bone];
     let above: Vec<usize> =
         limbs[limb].bones.iter().flat_map(|&bone| std::iter::successors(parent(&bone), parent)).collect();
-    let carries = |other: &&Limb| **other != limbs[limb] && other.bones.iter().any(|bone| above.contains(bone));
+    let carries =
+        |other: &&Limb| **other != limbs[limb] && other.bones.iter().any(|bone| above.contains(bone));
     limbs.iter().filter(carries).flat_map(|other| other.bones.clone()).collect()
 }
 

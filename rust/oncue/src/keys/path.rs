@@ -88,7 +88,8 @@ fn telling(speeds: &[f64]) -> Vec<bool> {
     const AROUND: usize = 2;
     let is_telling = |frame: usize| {
         let near = &speeds[frame.saturating_sub(AROUND)..(frame + AROUND + 1).min(speeds.len())];
-        let (least, most) = near.iter().fold((f64::MAX, f64::MIN), |(low, high), &s| (low.min(s), high.max(s)));
+        let (least, most) =
+            near.iter().fold((f64::MAX, f64::MIN), |(low, high), &s| (low.min(s), high.max(s)));
         most > 1.1 * least && (speeds[frame] == least || speeds[frame] == most)
     };
     (0..speeds.len()).map(is_telling).collect()

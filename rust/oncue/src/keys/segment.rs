@@ -94,7 +94,8 @@ impl<'a> Segments<'a> {
     /// The frames of a stretch that are keyed in any case, its ends among them.
     pub(super) fn keyed(&self, from: usize, to: usize) -> Vec<usize> {
         let changes = (from + 1..to).filter(|&frame| {
-            let changes = |&bone: &usize| self.channels.stays(frame, bone) != self.channels.stays(frame - 1, bone);
+            let changes =
+                |&bone: &usize| self.channels.stays(frame, bone) != self.channels.stays(frame - 1, bone);
             self.limb.keyed.contains(&frame) || self.limb.bones.iter().any(changes)
         });
         std::iter::once(from).chain(changes).chain(std::iter::once(to)).collect()
@@ -189,7 +190,14 @@ impl<'a> Segments<'a> {
     }
 
     /// Turns the handles of a bone's curves about its own axes: by a vector after the first key, another before the last.
-    pub(super) fn turn_handles(&self, from: usize, to: usize, bone: usize, slopes: &mut Slopes, turns: &[f64]) {
+    pub(super) fn turn_handles(
+        &self,
+        from: usize,
+        to: usize,
+        bone: usize,
+        slopes: &mut Slopes,
+        turns: &[f64],
+    ) {
         let third = (to - from) as f64 / 3.0;
         let turned = |frame: usize, turn: &[f64]| {
             let q = self.channels.wanted.rotations[2 * frame * self.channels.bones + bone];

@@ -70,7 +70,8 @@ fn play(keys: &BoneKeys, width: usize, time: f64) -> Vec<f64> {
 
 /// The heads of all bones at a time, as keys play them.
 fn heads(keys: &[BoneKeys], time: f64) -> Vec<DVec3> {
-    let rows: Vec<Vec<f64>> = (0..4).map(|bone| play(&keys[bone], if bone == 0 { 7 } else { 4 }, time)).collect();
+    let rows: Vec<Vec<f64>> =
+        (0..4).map(|bone| play(&keys[bone], if bone == 0 { 7 } else { 4 }, time)).collect();
     let turns = rows.iter().map(|r| DQuat::from_xyzw(r[1], r[2], r[3], r[0])).collect();
     placed(DVec3::new(rows[0][4], rows[0][5], rows[0][6]), turns)
 }
@@ -103,7 +104,9 @@ fn what_stands_still_has_a_key_at_each_end() {
     for keys in fit(&motion(40, |_, channel| 0.1 * channel as f64)) {
         assert_eq!(keys.frames, [0, 39]);
         let slopes = keys.before.iter().chain(&keys.after).filter(|slope| slope.is_finite());
-        assert!(slopes.clone().count() == keys.values.len() && slopes.into_iter().all(|slope| slope.abs() < 1e-9));
+        assert!(
+            slopes.clone().count() == keys.values.len() && slopes.into_iter().all(|slope| slope.abs() < 1e-9)
+        );
         // Nothing lies before the first key and after the last.
         assert!(keys.before[0].is_nan() && keys.after.last().unwrap().is_nan());
     }
@@ -112,7 +115,8 @@ fn what_stands_still_has_a_key_at_each_end() {
 #[test]
 fn a_cubic_is_one_span_with_its_own_slopes() {
     // x = (t/20)³ − (t/20)² runs from 0 to 0, at 0 with slope 0 and at 20 with slope 1/20.
-    let motion = motion(21, |t, channel| if channel == 0 { (t / 20.0).powi(3) - (t / 20.0).powi(2) } else { 0.0 });
+    let motion =
+        motion(21, |t, channel| if channel == 0 { (t / 20.0).powi(3) - (t / 20.0).powi(2) } else { 0.0 });
     let root = &fit(&motion)[0];
     assert_eq!(root.frames, [0, 20]);
     assert!(root.after[4].abs() < 1e-3 && (root.before[11] - 0.05).abs() < 1e-3, "{root:?}");
@@ -122,7 +126,10 @@ fn a_cubic_is_one_span_with_its_own_slopes() {
 #[test]
 fn a_swing_is_keyed_about_where_it_turns_or_passes() {
     // Two whole swings of half a radian in 48 frames.
-    let motion = motion(49, |t, channel| if channel == 2 { 0.5 * (t * std::f64::consts::TAU / 24.0).sin() } else { 0.0 });
+    let motion = motion(
+        49,
+        |t, channel| if channel == 2 { 0.5 * (t * std::f64::consts::TAU / 24.0).sin() } else { 0.0 },
+    );
     let keys = fit(&motion);
     assert_eq!(keys[0].frames, [0, 48]);
     assert_eq!(keys[1].frames, keys[2].frames, "a limb shares its keys");
@@ -156,7 +163,9 @@ fn a_step_is_keyed_on_both_sides() {
 #[test]
 fn what_is_planted_does_not_drift() {
     // The leg's bone is where the trunk carries it, and the trunk sways.
-    let sway = motion(60, |t, channel| [0.05 * (t / 5.0).sin(), 0.2 * (t / 6.0).sin(), 0.0, 0.0, 0.3 * (t / 4.0).cos()][channel]);
+    let sway = motion(60, |t, channel| {
+        [0.05 * (t / 5.0).sin(), 0.2 * (t / 6.0).sin(), 0.0, 0.0, 0.3 * (t / 4.0).cos()][channel]
+    });
     let drift = |keys: &[BoneKeys]| {
         let error = |frame: usize| {
             let turns = sway.rotations[4 * frame..4 * frame + 4].to_vec();
