@@ -26,6 +26,10 @@ OF_A_FOOT = 0.5
 HIPS = 0.973
 #: No corner of a foot is farther from its ankle, the core's metres.
 FOOT_REACH = 0.4
+#: A corner belongs to the trunk where so much of it does; so many are looked at.
+OF_A_TRUNK, MOST_CORNERS = 0.8, 4000
+#: Half of the width of the core's trunk, metres, and how much wider a body may be without a word.
+TRUNK, WIDER = 0.17, 1.3
 #: Fewer corners are no foot.
 FEWEST_CORNERS = 6
 
@@ -196,6 +200,41 @@ def _sole(character: bpy.types.Object, rig: Rig, mapping: dict, side: str) -> So
     if len(seen) < FEWEST_CORNERS or not np.isfinite(seen).all():
         return None
     return Sole(float(seen[:, 2].min()), float(seen[:, 1].max()), float(seen[:, 1].min()))
+
+
+def girth_remark(character: bpy.types.Object, rig: Rig) -> str | None:
+    """What is said of a body much wider than that for which motion is made, whose arms may run into it unseen."""
+    trunk = {rig.mapping["joints"]["Hips"], *rig.mapping["spine"]}
+    trunk |= {name.replace(rigify.BODY, "DEF-", 1) for name in trunk if name.startswith(rigify.BODY)}
+    shoulders = (rig.head("LeftArm"), rig.head("RightArm"))
+    assert shoulders[0] is not None and shoulders[1] is not None  # noqa: PT018  # a rig without arms is none
+    middle = (shoulders[0] + shoulders[1]) / 2.0
+    widest = 0.0
+    for mesh in skins(character):
+        groups = {group.index for group in mesh.vertex_groups if group.name in trunk}
+        count = len(mesh.data.vertices)
+        if not groups or not count:
+            continue
+        to_armature = np.array(character.matrix_world.inverted_safe() @ mesh.matrix_world, dtype=np.float64)
+        # A few thousand corners tell how wide a trunk is.
+        corners = [mesh.data.vertices[k] for k in range(0, count, max(count // MOST_CORNERS, 1))]
+        own = [
+            corner.co
+            for corner in corners
+            if sum(entry.weight for entry in corner.groups if entry.group in groups) > OF_A_TRUNK
+        ]
+        if len(own) < FEWEST_CORNERS:
+            continue
+        places = np.array(own, dtype=np.float64) @ to_armature[:3, :3].T + to_armature[:3, 3]
+        aside = np.abs((places - middle) @ rig.axes[:, 0])
+        widest = max(widest, float(np.quantile(aside, 0.95)))
+    times = widest / (TRUNK * rig.unit)
+    if times < WIDER:
+        return None
+    return (
+        f"{character.name} is {times:.1f} times as wide as the body that motion is made for: its arms may run into its "
+        "trunk, which the report does not see."
+    )
 
 
 def skins(character: bpy.types.Object) -> Iterator[bpy.types.Object]:

@@ -145,7 +145,10 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         puppet.size,
         task,
     )
-    return request, [*meshes.skipped, *notes, *file_state.remarks(context, character)]
+    notes = [*notes, *file_state.remarks(context, character)]
+    if puppet.rig is not None and (said := own_rig.girth_remark(character, puppet.rig)):
+        notes.append((character.name, said))
+    return request, [*meshes.skipped, *notes]
 
 
 def with_cues(context: bpy.types.Context, request: Request) -> Request:

@@ -404,6 +404,19 @@ def test_an_unchosen_rig_is_not_swapped_in_silence(stage, oncue):
     assert any("mixamo has a person's bones and stays as it is" in note for note in notes)
 
 
+def test_a_body_much_wider_than_the_cores_is_told(stage, oncue):
+    person = chosen(stage, make_person("unreal", 1.7))
+    session = oncue("bridge.session")
+    assert not any("times as wide" in said for _, said in session.read_request(stage)[1])
+    skin = skin_of(person)
+    groups = {group.index for group in skin.vertex_groups if group.name.startswith(("pelvis", "spine_"))}
+    for vertex in skin.data.vertices:
+        if any(entry.group in groups for entry in vertex.groups):
+            vertex.co.x *= 2.0
+    (said,) = [said for _, said in session.read_request(stage)[1] if "times as wide" in said]
+    assert said.startswith("unreal is 1.8 times as wide")
+
+
 def test_reset_character_leaves_an_own_rig_alone(stage):
     person = chosen(stage, constrained(stage))
     with pytest.raises(RuntimeError, match="rig of your own"):
