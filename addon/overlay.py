@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is drawn over the view: footprints, facing, a seated figure and hands at the cues, and a mark at each pin."""
+"""What is drawn over the view: footprints, facing, a seated figure, hands and numbers at the cues, and a mark at each
+pin.
+"""
 
 from __future__ import annotations
 
 import math
 
+import blf
 import bpy
 import gpu
+from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 from mathutils import Matrix, Vector
 
@@ -15,11 +19,13 @@ from .bridge.cue_objects import KINDS
 from .bridge.names import CUE_KEY
 from .bridge.pins import read_pins
 from .bridge.session import current_action
-from .bridge.shown_cues import FEET, HANDS, PASS, visible_cues
+from .bridge.shown_cues import FEET, HANDS, PASS, played_cues, visible_cues
 
 Lines = list[tuple[Vector, Vector]]
 LINE_WIDTH = 2.0
 PIN_COLOR = (1.0, 0.85, 0.2, 1.0)
+#: Blender's own font; how high a cue's number is in it, and how far aside of the cue, pixels.
+FONT, NUMBER_SIZE, NUMBER_ASIDE = 0, 16, 8
 #: A waypoint is met within so many metres.
 PASSED = 0.15
 #: Sides of the body: the left lies at +X of who faces -Y.
@@ -127,12 +133,42 @@ def pin_lines(context: bpy.types.Context) -> Lines:
     return [(place + a, place + b) for place in places for a, b in mark]
 
 
-def _draw() -> None:
-    context = bpy.context
+def numbers(context: bpy.types.Context) -> list[tuple[str, Vector, tuple]]:
+    """What stands beside each of several cues: its place in the order, where, world space, and its colour."""
+    played = played_cues(context)
+    if len(played) < 2:
+        return []
+    return [
+        (str(number), cue.matrix_world.translation, KINDS[cue[CUE_KEY]][3])
+        for number, cue in enumerate(played, 1)
+        if cue.visible_get()
+    ]
+
+
+def _is_shown(context: bpy.types.Context) -> bool:
     scene = context.scene
     if not scene or not hasattr(scene, "oncue") or not scene.oncue.show_cues:
+        return False
+    return not context.space_data or context.space_data.overlay.show_overlays
+
+
+def _write() -> None:
+    context = bpy.context
+    if not _is_shown(context) or context.region_data is None:
         return
-    if context.space_data and not context.space_data.overlay.show_overlays:
+    scale = context.preferences.system.ui_scale
+    blf.size(FONT, NUMBER_SIZE * scale)
+    for text, place, color in numbers(context):
+        at = location_3d_to_region_2d(context.region, context.region_data, place)
+        if at is not None:
+            blf.color(FONT, *color)
+            blf.position(FONT, at.x + NUMBER_ASIDE * scale, at.y + NUMBER_ASIDE * scale, 0.0)
+            blf.draw(FONT, text)
+
+
+def _draw() -> None:
+    context = bpy.context
+    if not _is_shown(context):
         return
     known = user_preferences.get(context)
     shader = gpu.shader.from_builtin("POLYLINE_UNIFORM_COLOR")
@@ -160,7 +196,8 @@ _handles: list = []
 
 def register() -> None:
     if not bpy.app.background:
-        _handles.append(bpy.types.SpaceView3D.draw_handler_add(_draw, (), "WINDOW", "POST_VIEW"))
+        for draw, when in ((_draw, "POST_VIEW"), (_write, "POST_PIXEL")):
+            _handles.append(bpy.types.SpaceView3D.draw_handler_add(draw, (), "WINDOW", when))
 
 
 def unregister() -> None:

@@ -183,6 +183,8 @@ def test_waypoints_belong_to_the_cue_that_they_lead_to(oncue, objects, read):
     place("stop", 3.0, then=True)
     place("pass", 2.0)
     first, second = read()["steps"]
+    beside = [(text, place.x) for text, place, _ in oncue("overlay").numbers(bpy.context)]
+    assert beside == [("1", -2.0), ("2", -1.0), ("3", 0.0), ("4", 2.0), ("5", 3.0)]
     assert [p["name"] for p in first["passes"]] == ["Pass", "Pass.001"]
     assert [p["name"] for p in second["passes"]] == ["Pass.002"]
     bpy.ops.oncue.move_step(cue="Pass.002", by=-1)
@@ -233,7 +235,12 @@ def test_a_walk_passes_its_waypoint(oncue, core, room):
     bone.rotation_quaternion = bone.rotation_quaternion @ Quaternion((1, 0, 0), 0.1)
     bone.keyframe_insert("rotation_quaternion")
     assert bpy.ops.oncue.resolve() == {"FINISHED"}
-    assert session.report_of(action)["cues"] == report["cues"]
+    again = session.report_of(action)["cues"]
+    assert [(cue["cue"], cue["frame"], cue["met"]) for cue in again] == [
+        ("Pass", passed["frame"], True),
+        ("Aside", met["frame"], True),
+    ]
+    assert again[0]["pelvis_cm"] == pytest.approx(passed["pelvis_cm"], abs=0.01)
     # A waypoint that is moved makes it another walk.
     assert session.belongs_to_cues(bpy.context, report)
     bpy.data.objects["Pass"].location.x += 0.1
