@@ -238,7 +238,7 @@ class FewKeys:
         return min(first for first, _ in ends), max(last for _, last in ends)
 
     def _meeting(self, values: np.ndarray, stays: np.ndarray) -> np.ndarray:
-        """Values that begin and end at what plays beside them: by how much that is off the motion fades over some frames.
+        """Values that begin and end at what plays beside them: by how much that is off the motion fades.
 
         Else a foot that stands would jump at the seam by as much as its curve was allowed to be off.
         """
