@@ -308,13 +308,14 @@ def test_only_the_span_that_changed_is_fitted_anew(oncue, stroll, take_of, motio
         for frame, key in keys.items():
             if frame < low - 1 or frame > high + 1:
                 assert now[name][frame] == key
-    # The legs' own turns were not touched: they go along with the hips.
-    assert now['pose.bones["LeftLeg"].rotation_quaternion', 0] == before['pose.bones["LeftLeg"].rotation_quaternion', 0]
     frames = np.arange(action.frame_range[0], action.frame_range[1] + 1)
     expected = forward_kinematics(skeleton, oncue("motion").resample(new, rate))
-    watched = [skeleton["names"].index(bone) for bone in ("Hips", "RightHand")]
+    watched = [skeleton["names"].index(bone) for bone in WATCHED]
     heads = evaluated_heads(character, skeleton["names"], frames)
-    assert np.linalg.norm(heads[:, watched] - expected[:, watched], axis=2).max() <= 2 * TOLERANCE
+    away = np.linalg.norm(heads[:, watched] - expected[:, watched], axis=2)
+    # At a seam the new curves begin at what the old ones were off, and add their own.
+    assert away.max() <= 2 * TOLERANCE
+    assert np.median(away.max(axis=1)) <= TOLERANCE
     assert take_of(character).artist_keys() == {}
 
 
@@ -428,7 +429,6 @@ def test_what_is_written_back_keeps_to_the_edited_motion(oncue, sitting, skeleto
     assert keys <= 0.15 * 91 * (last - first + 1)
     dense_twin(oncue, action, character, skeleton)
     dense = evaluated_heads(character, WATCHED, range(first, last + 1))
-    # The run's keys and those that are fitted anew between them are each as near as the tolerance says.
     assert np.linalg.norm(few - dense, axis=2).max() <= 2 * TOLERANCE
 
 
