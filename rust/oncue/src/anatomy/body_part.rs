@@ -61,6 +61,19 @@ impl BodyPart {
         (LeftUpperArm..=RightHand).contains(&self)
     }
 
+    /// The part at whose end this one begins, of an arm or a leg.
+    pub(crate) fn hangs_from(self) -> Option<BodyPart> {
+        Some(match self {
+            LeftForearm => LeftUpperArm,
+            RightForearm => RightUpperArm,
+            LeftHand => LeftForearm,
+            RightHand => RightForearm,
+            LeftShin => LeftThigh,
+            RightShin => RightThigh,
+            _ => return None,
+        })
+    }
+
     /// Whether a seat carries it.
     pub(crate) fn is_carried(self) -> bool {
         matches!(self, Pelvis | LeftThigh | RightThigh)
@@ -121,11 +134,24 @@ pub(crate) static SHAPES: LazyLock<[PartShape; SHAPE_COUNT]> = LazyLock::new(|| 
     ]
 });
 
+/// What [`body_capsules`] gives.
+pub(crate) type BodyCapsules = [(BodyPart, Capsule); SHAPE_COUNT];
+
 /// The capsules of a posed body in the world, with the parts that they belong to.
 pub fn body_capsules(pose: &Pose) -> [(BodyPart, Capsule); SHAPE_COUNT] {
     SHAPES.each_ref().map(|shape| {
         let ends = shape.capsule.ends.map(|end| pose.point(shape.joint, end));
         (shape.part, Capsule { ends, radii: shape.capsule.radii })
+    })
+}
+
+/// Half-way between the bodies of two frames. A limb that is beside another in both may be in it there: feet swing past shins, and
+/// hands past thighs, farther from frame to frame than these are thick.
+pub(crate) fn half_way(one: &BodyCapsules, other: &BodyCapsules) -> BodyCapsules {
+    std::array::from_fn(|i| {
+        let ((part, one), (_, other)) = (one[i], other[i]);
+        let ends = [0, 1].map(|end| 0.5 * (one.ends[end] + other.ends[end]));
+        (part, Capsule { ends, ..one })
     })
 }
 

@@ -125,6 +125,13 @@ pub(crate) fn elbow_flexion(side: usize, forearm: Quat) -> f32 {
     (-bone.y).atan2(if side == 0 { bone.x } else { -bone.x }).to_degrees()
 }
 
+/// How far an elbow is bent out of its plane beyond what elbows are, degrees, negative within. `forearm`: its rotation in the upper
+/// arm's frame.
+pub(crate) fn elbow_beyond(forearm: Quat) -> f32 {
+    let aside = (forearm * Vec3::X).z;
+    aside.abs().min(1.0).asin().to_degrees() - ELBOW.sideways
+}
+
 /// How far the joints of a posture are beyond their limits, degrees; negative within.
 pub(crate) fn beyond_limits(posture: &Posture) -> [(Joint, LimitedTurn, f32); 28] {
     use Joint::*;
@@ -242,6 +249,9 @@ mod tests {
             let most = all.iter().filter(|b| b.0 == arm).map(|b| b.2).fold(f32::NEG_INFINITY, f32::max);
             assert!(most > 5.0 && (shoulder_beyond(side, of(arm)) - most).abs() < 1e-3, "{side}: {most}");
             assert!((elbow_flexion(side, of(forearm)) - 0.5f32.to_degrees()).abs() < 1e-3);
+            assert!((elbow_beyond(of(forearm)) + ELBOW.sideways).abs() < 1e-3);
+            let aside = turned(forearm, Vec3::Y, 40.0);
+            assert!((elbow_beyond(aside.rotations[forearm.index()]) - 25.0).abs() < 1e-3);
         }
     }
 

@@ -9,8 +9,10 @@ mod body_part;
 mod joint_limits;
 mod own_body;
 
-pub(crate) use body_part::SHAPES;
+pub(crate) use body_part::{BodyCapsules, SHAPES, half_way};
 pub use body_part::{BodyPart, body_capsules};
 pub use joint_limits::LimitedTurn;
-pub(crate) use joint_limits::{EASY_ELBOW, beyond_limits, elbow_flexion, shoulder_beyond, wrist_beyond};
+pub(crate) use joint_limits::{
+    EASY_ELBOW, beyond_limits, elbow_beyond, elbow_flexion, shoulder_beyond, wrist_beyond,
+};
 pub(crate) use own_body::{OwnContact, arm_contacts, arm_depth, leg_contacts, own_depth, touching};

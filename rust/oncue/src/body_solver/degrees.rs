@@ -5,7 +5,7 @@
 
 use glam::{Mat3, Quat, Vec3};
 
-use crate::anatomy::wrist_beyond;
+use crate::anatomy::{elbow_beyond, wrist_beyond};
 use crate::library::foot::LEGS;
 use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::{JOINT_COUNT, JOINT_OFFSET, PARENT};
@@ -88,12 +88,18 @@ pub(crate) struct DegreesOfFreedom {
     count: usize,
     /// Joints go no further than a person's.
     limited: bool,
+    /// Wrists go as far as shoulders and elbows do.
+    loose_wrists: bool,
 }
+
+/// How far a loose wrist goes as easily as any other joint: a hand is so much nearer to its wrist than to the shoulder that, with this,
+/// each of the arm's three joints turns about as far to lift it. Radians.
+const LOOSE_WRIST: f64 = 2.0;
 
 impl DegreesOfFreedom {
     fn of(parts: Vec<Part>, limited: bool) -> Self {
         let count = parts.iter().map(|p| p.size()).sum();
-        Self { parts, count, limited }
+        Self { parts, count, limited, loose_wrists: false }
     }
 
     /// The whole body, but for shoulders and wrists that `joints` do not ask for; `turned` joints are no hinges.
@@ -122,7 +128,7 @@ impl DegreesOfFreedom {
         Self::of(parts, true)
     }
 
-    /// Shoulders, elbows and wrists alone.
+    /// Shoulders, elbows and wrists alone: who passes a table's edge lifts the hand before the arm.
     pub(crate) fn arms() -> Self {
         use Joint::*;
         let parts: Vec<Part> = vec![
@@ -133,7 +139,7 @@ impl DegreesOfFreedom {
             Part::Hinge(RightForeArm),
             Part::Ball(RightHand),
         ];
-        Self::of(parts, true)
+        Self { loose_wrists: true, ..Self::of(parts, true) }
     }
 
     /// Legs, spine and the place of a pelvis that keeps its turn.
@@ -166,11 +172,12 @@ impl DegreesOfFreedom {
 
     /// 1/σ² of each number.
     pub(crate) fn stiffness(&self) -> Vec<f64> {
-        self.parts
-            .iter()
-            .flat_map(|p| p.ease()[..p.size()].to_vec())
-            .map(|ease| 1.0 / (ease * ease))
-            .collect()
+        let is_wrist = |part: &Part| matches!(part, Part::Ball(Joint::LeftHand | Joint::RightHand));
+        let ease = |part: &Part| match self.loose_wrists && is_wrist(part) {
+            true => [LOOSE_WRIST; 3],
+            false => part.ease(),
+        };
+        self.parts.iter().flat_map(|p| ease(p)[..p.size()].to_vec()).map(|ease| 1.0 / (ease * ease)).collect()
     }
 
     /// Where the numbers of `joint` begin, and how many they are.
@@ -270,12 +277,15 @@ impl DegreesOfFreedom {
             .filter(|_| self.limited)
             .flat_map(move |(part, first)| match part {
                 Part::Shift => [None; 2],
-                Part::Hinge(_) => {
+                Part::Hinge(joint) => {
                     let Some(hinge) = hinges.next() else { return [None; 2] };
-                    let angle = hinge.angle + correction[first] as f32;
+                    let turn = correction[first] as f32;
+                    let angle = hinge.angle + turn;
                     let over = f64::from((angle - hinge.most).max(0.0) + (angle - hinge.least).min(0.0));
                     let beyond = Beyond { first, size: 1, direction: [1.0, 0.0, 0.0], over };
-                    [(over != 0.0).then_some(beyond), None]
+                    let aside =
+                        beyond_plane(joint, frame.posture.rotations[joint.index()], hinge.axis, turn, first);
+                    [(over != 0.0).then_some(beyond), aside]
                 }
                 Part::Ball(joint) => {
                     let turn = &correction[first..first + 3];
@@ -314,6 +324,21 @@ fn beyond_cone(joint: Joint, rotation: Quat, turn: &[f64], first: usize) -> Opti
         |axis: Vec3| (over(turn + axis * CONE_STEP) - over(turn - axis * CONE_STEP)) / (2.0 * CONE_STEP);
     let direction = Vec3::AXES.map(|axis| f64::from(slope(axis)));
     Some(Beyond { first, size: 3, direction, over: f64::from(now) })
+}
+
+/// Elbows bend out of their plane no further than people's, or than they do already: a little bend shows a plane that a larger one must
+/// not be in.
+fn beyond_plane(joint: Joint, rotation: Quat, axis: Vec3, turn: f32, first: usize) -> Option<Beyond> {
+    if !matches!(joint, Joint::LeftForeArm | Joint::RightForeArm) {
+        return None;
+    }
+    let over = |turn: f32| elbow_beyond(rotation * Quat::from_axis_angle(axis, turn)).to_radians();
+    let now = over(turn) - over(0.0).max(0.0);
+    if now <= 0.0 {
+        return None;
+    }
+    let slope = (over(turn + CONE_STEP) - over(turn - CONE_STEP)) / (2.0 * CONE_STEP);
+    Some(Beyond { first, size: 1, direction: [f64::from(slope), 0.0, 0.0], over: f64::from(now) })
 }
 
 /// Steps in which the slope of a cone's edge is taken, radians.
@@ -398,8 +423,37 @@ fn right_jacobian(v: Vec3) -> Mat3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::anatomy::{LimitedTurn, beyond_limits};
     use crate::math::rotation::to_angle_axis;
     use proptest::prelude::*;
+
+    #[test]
+    fn an_elbow_that_shows_a_tilted_plane_is_not_bent_on_in_it() {
+        // Bent by 25° in a plane that is tilted by 35°: 14° aside, which elbows are.
+        let (forearm, degrees) = (Joint::LeftForeArm, DegreesOfFreedom::arms());
+        let mut posture = Posture::default();
+        let tilt = Quat::from_rotation_x(35f32.to_radians());
+        posture.rotations[forearm.index()] =
+            tilt * Quat::from_rotation_z(-25f32.to_radians()) * tilt.inverse();
+        let frame = degrees.frame(&posture);
+        let (at, _) = degrees.first_of(forearm).expect("it is one of them");
+        let over = |turn: f64| {
+            let mut correction = vec![0.0; degrees.count()];
+            correction[at] = turn;
+            let beyond: Vec<Beyond> = degrees.beyond_limits(&frame, &correction).collect();
+            let bent = degrees.corrected(&frame, &correction);
+            let aside =
+                beyond_limits(&bent).into_iter().find(|b| b.0 == forearm && b.1 == LimitedTurn::Sideways);
+            (beyond, aside.map_or(0.0, |b| f64::from(b.2)))
+        };
+        assert!(over(0.0).0.is_empty() && over(0.0).1 < 0.0);
+        let (beyond, aside) = over(0.6);
+        assert_eq!((beyond.len(), beyond[0].first, beyond[0].size), (1, at, 1));
+        assert!(aside > 5.0 && (beyond[0].over.to_degrees() - aside).abs() < 0.01, "{beyond:?} {aside}");
+        let (further, _) = over(0.61);
+        let slope = (further[0].over - beyond[0].over) / 0.01;
+        assert!((slope - beyond[0].direction[0]).abs() < 0.02, "{slope} {beyond:?}");
+    }
 
     proptest! {
         #[test]

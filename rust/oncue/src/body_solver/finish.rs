@@ -9,7 +9,7 @@ use super::banded::BandedMatrix;
 use super::degrees::{BasePosture, DegreesOfFreedom};
 use super::term::{FoundTerms, Term, rows};
 use crate::error::Result;
-use crate::motion::Posture;
+use crate::motion::{Pose, Posture};
 use crate::progress::Progress;
 
 /// Frames over which a correction fades.
@@ -62,9 +62,10 @@ pub(crate) fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> 
     for step in 0..MOST_STEPS {
         progress.check()?;
         if let Some(found) = span.found {
+            let poses: Vec<Pose> = posed(span, &ready, &x).map(|posture| posture.pose()).collect();
             for (f, list) in terms.iter_mut().enumerate() {
                 list.truncate(span.terms[f].len());
-                found.terms(f, &span.degrees.corrected(&ready[f], &x[f * n..(f + 1) * n]).pose(), list);
+                found.terms(f, &poses, list);
             }
         }
         if step == 0 {
@@ -98,7 +99,12 @@ pub(crate) fn correct(span: &Span, progress: &Progress) -> Result<Vec<Posture>> 
         }
         system.slack = if system.slack < NO_SLACK { 0.0 } else { LESS_SLACK * system.slack };
     }
-    Ok((0..frames).map(|f| span.degrees.corrected(&ready[f], &x[f * n..(f + 1) * n])).collect())
+    Ok(posed(span, &ready, &x).collect())
+}
+
+/// The postures of a span corrected by `x`.
+fn posed<'a>(span: &'a Span, ready: &'a [BasePosture], x: &'a [f64]) -> impl Iterator<Item = Posture> + 'a {
+    ready.iter().zip(x.chunks_exact(span.degrees.count())).map(|(frame, x)| span.degrees.corrected(frame, x))
 }
 
 /// H·step = -g of the whole span.

@@ -28,8 +28,8 @@ pub(crate) enum Term {
 
 /// Terms that follow from where the body is.
 pub(crate) trait FoundTerms {
-    /// Adds those of a frame of the span, in which the body is at `pose`.
-    fn terms(&self, frame: usize, pose: &Pose, out: &mut Vec<Term>);
+    /// Adds those of a frame of the span, in whose frames the body is at `poses`.
+    fn terms(&self, frame: usize, poses: &[Pose], out: &mut Vec<Term>);
 }
 
 /// Share of the body's weight that hangs on each joint (after Winter, Biomechanics and Motor Control of Human Movement,

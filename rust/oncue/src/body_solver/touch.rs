@@ -35,7 +35,8 @@ pub(crate) struct Surfaces<'a> {
 
 /// Keeps thighs and back of a seated body out of what carries them.
 impl FoundTerms for Surfaces<'_> {
-    fn terms(&self, _frame: usize, pose: &Pose, out: &mut Vec<Term>) {
+    fn terms(&self, frame: usize, poses: &[Pose], out: &mut Vec<Term>) {
+        let pose = &poses[frame];
         if !is_supported(pose, self.floor) {
             return;
         }

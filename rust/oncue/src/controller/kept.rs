@@ -158,7 +158,7 @@ const OUT_OF_REACH: (f32, f32) = (6.0, 4.0);
 /// … and so does each share of the frames, percent, in which a part is very deep in it.
 const VERY_DEEP_SHARE: f32 = 10.0;
 
-/// How much an eye would object to in a candidate's motion: the sentences of a report, and how bad the worst of the scene is.
+/// How much an eye would object to in a candidate's motion: all that a report would tell of, and how bad the worst of the scene is.
 fn objections(environment: &Environment, candidate: &Candidate) -> f32 {
     let settings = environment.settings;
     let (episode, complete) = record(environment, candidate);
@@ -170,8 +170,9 @@ fn objections(environment: &Environment, candidate: &Candidate) -> f32 {
     let scene = body.scene.clone().unwrap_or_default();
     let deep = (scene.deepest_cm - OUT_OF_REACH.0).max(0.0) / OUT_OF_REACH.1
         + scene.over_3_cm_percent / VERY_DEEP_SHARE;
-    let told = body.problems(&settings.report).len() + poses.unasked(settings.report.brief_frames);
-    told as f32 + deep
+    // A report tells of the worst alone; of two motions the one with fewer is the better.
+    let touches: usize = body.objections(&settings.report).iter().map(Vec::len).sum();
+    (touches + poses.unasked(settings.report.brief_frames)) as f32 + deep
 }
 
 /// The seed of a rollout's own draws. Mixed, so that neighbouring seeds of a request share no rollouts (SplitMix64's

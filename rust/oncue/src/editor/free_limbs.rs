@@ -1,14 +1,17 @@
 //! Limbs out of the own body and out of the scene: what transitions, clips and other edits leave of it.
 //!
 //! Wherever a limb is deeper than flesh gives, the finishing pass moves as little as takes it out, smoothly: legs, spine and the
-//! place of the pelvis first, while the feet stay where they stand; then shoulders, elbows and wrists alone. The paper has no such step:
-//! its bodies have no girth.
+//! place of the pelvis first, while the feet stay where they stand; then shoulders, elbows and wrists alone. A limb is looked for in the
+//! own body half-way between frames, too: that is seen where a motion is played slower or at another frame rate. The paper has no such
+//! step: its bodies have no girth.
 
 use std::ops::Range;
 
 use glam::Vec3;
 
-use crate::anatomy::{BodyPart, OwnContact, SHAPES, arm_contacts, body_capsules, leg_contacts};
+use crate::anatomy::{
+    BodyCapsules, BodyPart, OwnContact, SHAPES, arm_contacts, body_capsules, half_way, leg_contacts,
+};
 use crate::body_solver::{DegreesOfFreedom, FootPlan, FoundTerms, Span, Term, correct};
 use crate::cue::{Hand, is_carried};
 use crate::error::Result;
@@ -24,9 +27,6 @@ use crate::scene::SceneContact;
 const ARM_DEEPER: f32 = 0.004;
 /// Legs and trunk are left where they touch as people do, metres.
 const BODY_DEEPER: f32 = 0.007;
-/// Farther than this no leg and no trunk, and no head, is moved, metres: who has to go so far out of the way has to go another way.
-const BODY_DEEPEST: f32 = 0.08;
-const HEAD_DEEPEST: f32 = 0.15;
 /// What is taken out ends so far clear, metres: the least-squares problem leaves a little.
 const CLEAR: f32 = 0.001;
 /// Arms lie on tables, and backs lean on backrests, so deep, metres.
@@ -41,8 +41,9 @@ const CONTACT_SIGMA: f32 = 2e-3;
 const STAYS_SIGMA: f32 = 1e-4;
 /// σ of a pelvis that may give way, metres.
 const AWAY_SIGMA: f32 = 0.01;
-/// A correction that moves a joint of legs or trunk farther than this is none, metres.
-const FARTHEST: f32 = 0.15;
+/// A correction that moves a joint of legs or trunk farther than this is none, metres: who has to go so far out of the way has to go
+/// another way. Knees that come round under a desk go by 16 cm.
+const FARTHEST: f32 = 0.20;
 /// Frames over which the correction fades: slower than that of a body that reaches, or a swinging arm would be hurried.
 const FADE_FRAMES: f64 = 8.0;
 /// Frames before and after what is corrected in which the correction fades.
@@ -101,15 +102,10 @@ fn free(
     progress: &Progress,
 ) -> Result<()> {
     let deepest = |all: &[(usize, Touch)]| all.iter().map(|(_, touch)| touch.depth).fold(0.0, f32::max);
-    let depth = |frame: usize, posture: &Posture| deepest(&touches.of(frame, &posture.pose()));
     let limbs = touches.limbs;
-    let looked_at = motion.postures.iter().enumerate().map(|(frame, posture)| {
-        let all = touches.of(frame, &posture.pose());
-        let may_be = |(shape, touch): &(usize, Touch)| touch.depth < limbs.taken_out_of(SHAPES[*shape].part);
-        let deepest = deepest(&all);
-        (deepest, deepest > limbs.stay_within() && all.iter().all(may_be))
-    });
-    let (depths, deep): (Vec<f32>, Vec<bool>) = looked_at.unzip();
+    let poses: Vec<Pose> = motion.postures.iter().map(Posture::pose).collect();
+    let deep: Vec<bool> =
+        (0..motion.len()).map(|frame| deepest(&touches.of(frame, &poses)) > limbs.stay_within()).collect();
     for (first, end) in merged(runs(&deep, true), motion.len()) {
         let postures = &motion.postures[first..end];
         let mut terms: Vec<Vec<Term>> = vec![Vec::new(); postures.len()];
@@ -127,10 +123,11 @@ fn free(
         };
         let free = correct(&span, progress)?;
         // Squeezed from two sides a limb may come to lie no better.
-        let after: f32 = free.iter().enumerate().map(|(i, p)| depth(first + i, p)).sum();
-        let moved = postures.iter().zip(&free).map(|(a, b)| farthest(&a.pose(), &b.pose()));
+        let (before, after) = (&poses[first..end], free.iter().map(Posture::pose).collect::<Vec<_>>());
+        let sum = |poses: &[Pose]| (0..poses.len()).map(|f| deepest(&found.of(f, poses))).sum::<f32>();
+        let moved = before.iter().zip(&after).map(|(a, b)| farthest(a, b));
         let too_far = limbs == Limbs::Body && moved.fold(0.0, f32::max) > FARTHEST;
-        if after < depths[first..end].iter().sum() && !too_far {
+        if sum(&after) < sum(before) && !too_far {
             motion.postures[first..end].copy_from_slice(&free);
         }
     }
@@ -179,19 +176,10 @@ impl Limbs {
         }
     }
 
-    /// Deeper than this a part is not taken out, metres.
-    fn taken_out_of(self, part: BodyPart) -> f32 {
-        match (self, part) {
-            (Limbs::Arms, _) => f32::INFINITY,
-            (Limbs::Body, BodyPart::Head) => HEAD_DEEPEST,
-            (Limbs::Body, _) => BODY_DEEPEST,
-        }
-    }
-
-    fn own_contacts(self, pose: &Pose) -> Vec<OwnContact> {
+    fn own_contacts(self, capsules: BodyCapsules) -> Vec<OwnContact> {
         match self {
-            Limbs::Arms => arm_contacts(pose, -NEAR).collect(),
-            Limbs::Body => leg_contacts(pose, -NEAR).collect(),
+            Limbs::Arms => arm_contacts(capsules, -NEAR).collect(),
+            Limbs::Body => leg_contacts(capsules, -NEAR).collect(),
         }
     }
 }
@@ -215,29 +203,45 @@ struct Touch {
 }
 
 impl Touches<'_> {
-    /// What the limbs of a pose are in, with the capsule that is, but for arms that are carried.
-    fn of(&self, frame: usize, pose: &Pose) -> Vec<(usize, Touch)> {
+    /// What the limbs are in, with the capsule that is, in a frame of `poses`, and half-way to the next and from the last one; but
+    /// for arms that are carried.
+    fn of(&self, at: usize, poses: &[Pose]) -> Vec<(usize, Touch)> {
+        let frame = self.first + at;
         let carried = [Hand::Left, Hand::Right].map(|hand| is_carried(self.carried, hand, frame));
         let moves = |part: BodyPart| {
             self.limbs.have(part) && !(part.is_arm() && carried[usize::from(part.side() > 0)])
         };
         let mut out = Vec::new();
-        for contact in self.limbs.own_contacts(pose) {
-            let places = contact.places();
+        let here = body_capsules(&poses[at]);
+        let before = at.checked_sub(1).map(|f| body_capsules(&poses[f]));
+        let after = poses.get(at + 1).map(body_capsules);
+        let halves = [&before, &after].into_iter().flatten().map(|there| half_way(&here, there));
+        for contact in [here].into_iter().chain(halves).flat_map(|body| self.limbs.own_contacts(body)) {
+            let nearest = contact.nearest();
+            let apart = nearest[0].1 - nearest[1].1;
+            let since = before.and_then(|before| contact.way_round(&before, &here));
+            let round = since.or_else(|| contact.way_round(&here, &after?));
+            let (away, depth) = match round {
+                Some(round) => (round, contact.depth + apart.length() - round.dot(contact.apart_in(&here))),
+                None => (apart.normalize_or(Vec3::Z), contact.depth),
+            };
             let share = if contact.parts.into_iter().all(moves) { 0.5 } else { 1.0 };
-            for i in (0..2).filter(|&i| moves(contact.parts[i])) {
-                let direction = (places[i] - places[1 - i]).normalize_or(Vec3::Z);
-                let touch = Touch { depth: contact.depth, place: places[i], direction, share };
-                out.push((contact.shapes[i], touch));
+            for (i, direction) in
+                [(0, away), (1, -away)].into_iter().filter(|&(i, _)| moves(contact.parts[i]))
+            {
+                let shape = contact.shapes[i];
+                let [from, to] = here[shape].1.ends;
+                // What is asked of a place half-way is asked of it in both frames.
+                let place = from.lerp(to, nearest[i].0);
+                out.push((shape, Touch { depth, place, direction, share }));
             }
         }
         let Some(around) = self.room.around else { return out };
-        for (shape, (part, capsule)) in
-            body_capsules(pose).into_iter().enumerate().filter(|(_, c)| moves(c.0))
-        {
+        for (shape, (part, capsule)) in here.into_iter().enumerate().filter(|(_, c)| moves(c.0)) {
             let capsule = Capsule { radii: capsule.radii.map(|radius| radius + NEAR), ..capsule };
             let above = around.counted_from(part, frame, self.room.floor);
-            let seen_before = hangs_from(part)
+            let seen_before = part
+                .hangs_from()
                 .is_some_and(|before| around.counted_from(before, frame, self.room.floor) <= above);
             for contact in around.scene.contacts_of(&capsule, above) {
                 // An elbow, a wrist or a knee is the far end of what it hangs from, which knows from which side it came.
@@ -268,20 +272,6 @@ impl Touches<'_> {
     }
 }
 
-/// The part at whose end this one begins.
-fn hangs_from(part: BodyPart) -> Option<BodyPart> {
-    use BodyPart::*;
-    Some(match part {
-        LeftForearm => LeftUpperArm,
-        RightForearm => RightUpperArm,
-        LeftHand => LeftForearm,
-        RightHand => RightForearm,
-        LeftShin => LeftThigh,
-        RightShin => RightThigh,
-        _ => return None,
-    })
-}
-
 /// An arm that passes through a surface went there from its shoulder: however little of it is on that side, the far end has to
 /// come back.
 fn from_the_shoulder(contact: SceneContact, capsule: &Capsule) -> SceneContact {
@@ -293,8 +283,9 @@ fn from_the_shoulder(contact: SceneContact, capsule: &Capsule) -> SceneContact {
 }
 
 impl FoundTerms for Touches<'_> {
-    fn terms(&self, frame: usize, pose: &Pose, out: &mut Vec<Term>) {
-        for (shape, touch) in self.of(self.first + frame, pose) {
+    fn terms(&self, frame: usize, poses: &[Pose], out: &mut Vec<Term>) {
+        let pose = &poses[frame];
+        for (shape, touch) in self.of(frame, poses) {
             let joint = SHAPES[shape].joint;
             let offset = pose.rotation(joint).inverse() * (touch.place - pose.position(joint));
             let least = touch.direction.dot(touch.place) + touch.share * (touch.depth + CLEAR);
@@ -375,10 +366,10 @@ mod tests {
         let before = seated();
         let (_, [deep, left], moved) = freed(&[([-0.3, 0.075, 0.85], [0.3, 0.2, 1.2])], &before);
         assert!(deep > 2.0 && left < 0.7 && moved < 0.004, "{deep} {left} {moved}");
-        // A board through the knee: nobody gets out of it by a small turn.
+        // Drawers where both knees are: nobody gets out of them by a small turn.
         let knee = before.postures[0].pose().position(Joint::LeftLeg);
-        let board = ([knee.x - 0.01, -0.6, 0.2], [knee.x + 0.3, 0.2, 0.9]);
-        let (same, [deep, left], _) = freed(&[board], &before);
+        let drawers = ([-0.6, knee.y - 0.6, 0.2], [0.6, knee.y + 0.2, 0.9]);
+        let (same, [deep, left], _) = freed(&[drawers], &before);
         assert!(same == before && deep == left && deep > 12.0, "{deep} {left}");
     }
 
@@ -395,6 +386,112 @@ mod tests {
         let mut after = before.clone();
         free_body(&mut after, NOWHERE, usize::MAX, &Progress::new()).expect("not cancelled");
         assert!(deepest(&before) > 1.0 && deepest(&after) < 0.8, "{} {}", deepest(&before), deepest(&after));
+    }
+
+    /// The deepest in the own body where a motion is played eight times slower, cm.
+    fn deepest_when_slower(motion: &Motion) -> f32 {
+        let mut slower = Motion::default();
+        for pair in motion.postures.windows(2) {
+            for part in (0..8).map(|i| i as f32 / 8.0) {
+                let mut posture = pair[0];
+                posture.root_position = pair[0].root_position.lerp(pair[1].root_position, part);
+                for (rotation, after) in posture.rotations.iter_mut().zip(pair[1].rotations) {
+                    *rotation = rotation.slerp(after, part);
+                }
+                slower.postures.push(posture);
+                slower.contacts.push([0.0; 2]);
+            }
+        }
+        body_figures(&slower, 0.0, None).own_body.deepest_cm
+    }
+
+    #[test]
+    fn a_hand_that_swings_through_a_thigh_between_two_frames_is_taken_out() {
+        // A raised thigh, and an arm that swings by 9 degrees a frame: beside the thigh in one frame and past it in the next.
+        let swings = |frame: usize| {
+            let mut posture = Posture::default();
+            let ahead = 0.45 + 0.16 * (frame as f32 - 44.5).clamp(-6.0, 6.0);
+            let mut turn = |joint: Joint, rotation: Quat| posture.rotations[joint.index()] = rotation;
+            turn(Joint::LeftUpLeg, Quat::from_rotation_x(-0.8));
+            turn(Joint::LeftLeg, Quat::from_rotation_x(0.96));
+            turn(Joint::LeftArm, Quat::from_rotation_x(-ahead) * Quat::from_rotation_y(FRAC_PI_2 + 0.03));
+            turn(Joint::LeftForeArm, Quat::from_rotation_z(-0.2));
+            turn(Joint::RightArm, Quat::from_rotation_y(-FRAC_PI_2));
+            posture
+        };
+        let before = Motion { postures: (0..90).map(swings).collect(), contacts: vec![[0.0, 1.0]; 90] };
+        let shown = body_figures(&before, 0.0, None).own_body.deepest_cm;
+        assert!(shown < 0.35 && deepest_when_slower(&before) > 1.0, "{shown}");
+        let mut after = before.clone();
+        free_arms(&mut after, NOWHERE, &[], &Progress::new()).expect("not cancelled");
+        assert!(deepest_when_slower(&after) < 0.6, "{}", deepest_when_slower(&after));
+    }
+
+    #[test]
+    fn a_hand_that_goes_through_a_thigh_from_one_frame_to_the_next_goes_over_it() {
+        // The hand, held before the belly, sweeps outwards by 8 cm a frame at the height of the thigh's middle.
+        let sweeps = |bend: f32| {
+            let mut motion = seated();
+            for (frame, posture) in motion.postures.iter_mut().enumerate() {
+                let outwards = 0.3 * (frame as f32 - 44.5).clamp(-2.0, 2.0);
+                let [arm, forearm] = [Joint::LeftArm, Joint::LeftForeArm].map(Joint::index);
+                posture.rotations[arm] = Quat::from_rotation_z(outwards - 0.35) * Quat::from_rotation_y(1.45);
+                posture.rotations[forearm] = Quat::from_rotation_z(-bend);
+            }
+            motion
+        };
+        let deepest = |bend: &f32| deepest_when_slower(&sweeps(*bend));
+        let before = (4..16).map(|i| 0.1 * i as f32).max_by(|a, b| deepest(a).total_cmp(&deepest(b)));
+        let before = sweeps(before.expect("some"));
+        assert!(deepest_when_slower(&before) > 3.0, "{}", deepest_when_slower(&before));
+        let mut after = before.clone();
+        free_arms(&mut after, NOWHERE, &[], &Progress::new()).expect("not cancelled");
+        assert!(deepest_when_slower(&after) < 0.9, "{}", deepest_when_slower(&after));
+    }
+
+    #[test]
+    fn what_is_deep_for_long_is_taken_out_as_a_whole() {
+        // The back leans into a board for two seconds, at last by more than 8 cm.
+        let mut before = seated();
+        for (frame, posture) in before.postures.iter_mut().enumerate() {
+            let part = ((frame as f32 - 5.0) / 10.0).clamp(0.0, 1.0)
+                * ((85.0 - frame as f32) / 10.0).clamp(0.0, 1.0);
+            posture.rotations[Joint::Spine.index()] = Quat::from_rotation_x(-0.14 * part);
+        }
+        let (_, [deep, left], moved) = freed(&[([-0.3, 0.075, 0.75], [0.3, 0.3, 1.3])], &before);
+        assert!(deep > 8.2 && left < 0.7 && moved < 0.004, "{deep} {left} {moved}");
+    }
+
+    #[test]
+    fn a_hand_is_lifted_over_a_table_by_its_wrist_too() {
+        let mut motion = Motion { postures: vec![hand_ahead(); 90], contacts: vec![[1.0; 2]; 90] };
+        // A table whose top is over the fingertips and under the wrist.
+        let hand = motion.postures[0].pose();
+        let wrist = hand.position(Joint::LeftHand);
+        let top = wrist.z - 0.03;
+        let edge = wrist.y - 0.03;
+        let scene = room(&[([-1.0, edge - 1.0, top - 0.04], [1.0, edge, top])]);
+        let around = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::default() };
+        let before = motion.clone();
+        assert!(deepest_in(&before, &around) > 4.0, "{}", deepest_in(&before, &around));
+        let room = Room { around: Some(&around), floor: 0.0, continues: false };
+        free_arms(&mut motion, room, &[], &Progress::new()).expect("not cancelled");
+        assert!(deepest_in(&motion, &around) < 0.6, "{}", deepest_in(&motion, &around));
+        let turned = [Joint::LeftArm, Joint::LeftForeArm, Joint::LeftHand].map(|joint| {
+            let i = joint.index();
+            before.postures[45].rotations[i].angle_between(motion.postures[45].rotations[i]).to_degrees()
+        });
+        assert!(turned[2] > turned[0].max(turned[1]) && turned[0] + turned[1] < 15.0, "{turned:?}");
+    }
+
+    /// Standing; the left forearm ahead and down by 40°.
+    fn hand_ahead() -> Posture {
+        let mut posture = Posture::default();
+        let [left, right] = [Joint::LeftArm, Joint::RightArm].map(Joint::index);
+        posture.rotations[left] = Quat::from_rotation_y(FRAC_PI_2);
+        posture.rotations[right] = Quat::from_rotation_y(-FRAC_PI_2);
+        posture.rotations[Joint::LeftForeArm.index()] = Quat::from_rotation_z(-50f32.to_radians());
+        posture
     }
 
     /// Three seconds of standing with hanging arms; the left one swings into the belly and out again between frames 30 and 60.
@@ -428,7 +525,8 @@ mod tests {
             for joint in 0..a.rotations.len() {
                 let turned = a.rotations[joint].angle_between(b.rotations[joint]);
                 let moves = left.contains(&joint) && (10..81).contains(&frame);
-                assert!(moves || turned < 3e-3, "{frame} {joint}: {turned}");
+                // The other hand all but lies on the thigh, and is kept a millimetre off it.
+                assert!(moves || turned < 1e-2, "{frame} {joint}: {turned}");
             }
         }
         // No snap: the hand accelerates hardly more than it did.

@@ -11,6 +11,15 @@ impl BodyFigures {
     /// What is more than a brief touch, in sentences with limb and frames; the worst of each kind first, and how many more
     /// there are.
     pub fn problems(&self, settings: &ReportSettings) -> Vec<String> {
+        let [own, scene, joints] = self.objections(settings);
+        let mut out = told(own, "more touches of the own body");
+        out.extend(told(scene, "more touches of the scene"));
+        out.extend(told(joints, "more of elbows and knees"));
+        out
+    }
+
+    /// All that [`Self::problems`] tells of, however much: of the own body, of the scene, of elbows and knees.
+    pub(crate) fn objections(&self, settings: &ReportSettings) -> [Vec<String>; 3] {
         let lasts = |first: usize, end: usize| end - first > settings.brief_frames;
         let deep = |depth_cm: f32| depth_cm > 100.0 * settings.touch_depth;
         let own =
@@ -51,10 +60,7 @@ impl BodyFigures {
                 frames(b.first, b.end)
             )
         });
-        let mut out = told(own.collect(), "more touches of the own body");
-        out.extend(told(scene.collect(), "more touches of the scene"));
-        out.extend(told(joints.collect(), "more of elbows and knees"));
-        out
+        [own.collect(), scene.collect(), joints.collect()]
     }
 }
 
@@ -144,6 +150,8 @@ mod tests {
             "The right hand is 7 cm deep in what stands at 1.00, -2.00, 0.76 (frames 0 to 4)."
         );
         assert_eq!((told.len(), told[4].as_str()), (5, "There are 2 more touches of the scene."));
+        // Who chooses among motions minds each of them.
+        assert_eq!(figures.objections(&settings).map(|kind| kind.len()), [1, 5, 0]);
         let lenient = ReportSettings { touch_depth: 0.08, ..settings.clone() };
         assert!(figures.problems(&lenient).is_empty());
     }
