@@ -27,8 +27,6 @@ from .every_frame import SAME, signed
 from .pins import Pin
 from .solved import OF_A_KEY, Curves, Solved, channels_of, column_curves, columns_of, with_written
 
-#: Over as many frames what plays beside new curves goes over into the motion.
-FADE = 8
 #: How far a handle may be from where it was written, frames and channels, and be the same: Blender aligns and rounds.
 SAME_HANDLE = 1e-4
 
@@ -236,31 +234,17 @@ class FewKeys:
         self._name_own()
         if not ends:
             return None
-        wanted = _channels(self._meeting(signed(values, self.shown), stays))
+        values = signed(values, self.shown)
+        for joint, frames in held.items():
+            # The core's frames lie between, and what is held plays as it does.
+            within = np.ix_(sorted(frames), columns_of(joint))
+            values[within] = self.shown[within]
         planted = planted_frames(contacts, motion.frame_rate, self.solved.scene_rate, self._count)
-        new = fit(self._rest, wanted, planted, self._tolerance_mm, _channels(self._halves), stays)
+        new = fit(self._rest, _channels(values), planted, self._tolerance_mm, _channels(self._halves), stays)
         for joint, keys in enumerate(new):
             if len(keys.frames):
                 self._write(joint, keys, stays[:, joint])
         return min(first for first, _ in ends), max(last for _, last in ends)
-
-    def _meeting(self, values: np.ndarray, stays: np.ndarray) -> np.ndarray:
-        """Values that begin and end at what plays beside them: by how much that is off the motion fades.
-
-        Else a foot that stands would jump at the seam by as much as its curve was allowed to be off.
-        """
-        out = values.copy()
-        for joint in range(len(self.names)):
-            columns = columns_of(joint)
-            for first, last in _runs(~stays[:-1, joint]):
-                count = min(FADE, last + 1 - first)
-                share = 1.0 - np.arange(count + 1)[:, None] / (count + 1.0)
-                if first > 0:
-                    out[first : first + count + 1, columns] += share * (self.shown - values)[first, columns]
-                if last + 1 < self._count - 1:
-                    away = share[::-1] * (self.shown - values)[last + 1, columns]
-                    out[last + 1 - count : last + 2, columns] += away
-        return out
 
     def _below(self, limb: list[int]) -> list[int]:
         """The joints of other limbs that hang on this one."""

@@ -313,9 +313,7 @@ def test_only_the_span_that_changed_is_fitted_anew(oncue, stroll, take_of, motio
     watched = [skeleton["names"].index(bone) for bone in WATCHED]
     heads = evaluated_heads(character, skeleton["names"], frames)
     away = np.linalg.norm(heads[:, watched] - expected[:, watched], axis=2)
-    # At a seam the new curves begin at what the old ones were off, and add their own.
-    assert away.max() <= 2 * TOLERANCE
-    assert np.median(away.max(axis=1)) <= TOLERANCE
+    assert away.max() <= TOLERANCE + ROUNDING
     assert take_of(character).artist_keys() == {}
 
 
@@ -429,7 +427,7 @@ def test_what_is_written_back_keeps_to_the_edited_motion(oncue, sitting, skeleto
     assert keys <= 0.15 * 91 * (last - first + 1)
     dense_twin(oncue, action, character, skeleton)
     dense = evaluated_heads(character, WATCHED, range(first, last + 1))
-    assert np.linalg.norm(few - dense, axis=2).max() <= 2 * TOLERANCE
+    assert np.linalg.norm(few - dense, axis=2).max() <= TOLERANCE + ROUNDING
 
 
 MOVES = {

@@ -59,6 +59,7 @@ impl Bones {
 pub(super) struct Channels {
     pub(super) frames: usize,
     pub(super) bones: usize,
+    pub(super) motion: Poses,
     /// The motion, but where curves stay what these play.
     pub(super) wanted: Poses,
     /// Frame by frame, whether each bone's curves stay to the next.
@@ -71,8 +72,10 @@ impl Channels {
         let mut wanted =
             Poses { locations: halved(&motion.locations, 1), rotations: halved(&motion.rotations, count) };
         let Some(kept) = kept else {
-            return Self { frames, bones: count, wanted, stays: vec![false; frames * count] };
+            let motion = wanted.clone();
+            return Self { frames, bones: count, motion, wanted, stays: vec![false; frames * count] };
         };
+        let motion = wanted.clone();
         for frame in 0..frames.saturating_sub(1) {
             for bone in (0..count).filter(|bone| kept.stays[frame * count + bone]) {
                 for sample in 2 * frame..=2 * frame + 2 {
@@ -83,7 +86,7 @@ impl Channels {
                 }
             }
         }
-        Self { frames, bones: count, wanted, stays: kept.stays.clone() }
+        Self { frames, bones: count, motion, wanted, stays: kept.stays.clone() }
     }
 
     /// Whether a bone's curves stay from a frame to the next.

@@ -105,7 +105,7 @@ pub fn fit_keys(
         return Ok(keys);
     }
     let channels = Channels::new(bones.len(), motion, kept);
-    let truth = World::new(bones, &channels.wanted);
+    let truth = World::new(bones, &channels.motion);
     let mut limits = limits.clone();
     for _ in 0..ROUNDS {
         match fit_limbs(bones, limbs, &limits, &channels, &truth, true) {
@@ -132,7 +132,7 @@ fn fit_limbs(
     must: bool,
 ) -> std::result::Result<Vec<BoneKeys>, usize> {
     let mut keys = vec![BoneKeys::default(); bones.len()];
-    let mut played = truth.clone();
+    let mut played = World::new(bones, &channels.wanted);
     for (index, limb) in limbs.iter().enumerate() {
         let before = played.clone();
         let segments = Segments::new(bones, limb, limits, channels, truth, &before);

@@ -101,9 +101,18 @@ impl<'a> Segments<'a> {
         std::iter::once(from).chain(changes).chain(std::iter::once(to)).collect()
     }
 
+    /// Whether the limb's pose at a frame is given by curves that stay beside it.
+    fn is_seam(&self, frame: usize) -> bool {
+        let stays = |frame: usize| self.limb.bones.iter().any(|&bone| self.channels.stays(frame, bone));
+        (frame + 1 < self.channels.frames && stays(frame)) || frame.checked_sub(1).is_some_and(stays)
+    }
+
     /// Whether a key at a frame, with the motion's own turns, leaves the limb within the tolerance there: what it hangs on may
     /// be too far off.
     pub(super) fn can_be_keyed(&self, frame: usize) -> bool {
+        if self.is_seam(frame) {
+            return true;
+        }
         let mut pose = Vec::with_capacity(self.limb.bones.len());
         let span = if frame + 1 < self.channels.frames { (frame, frame + 1) } else { (frame - 1, frame) };
         self.pose(span.0, span.1, 2 * frame, &vec![None; self.limb.bones.len()], &mut pose);
@@ -232,7 +241,9 @@ impl<'a> Segments<'a> {
                 }
             }
         }
-        Spans { slopes, holds: misfits.iter().all(Option::is_some) }
+        let seam = |span: &[usize]| self.is_seam(span[0]) || self.is_seam(span[1]);
+        let holds = path.windows(2).zip(&misfits).all(|(span, misfit)| misfit.is_some() || seam(span));
+        Spans { slopes, holds }
     }
 
     /// The limb's curves between two keys, and how far they are from the motion; None where that is too far.
@@ -328,6 +339,7 @@ impl<'a> Segments<'a> {
     pub(super) fn misfit(&self, from: usize, to: usize, slopes: &[Option<Slopes>]) -> Option<Misfit> {
         let mut pose = Vec::with_capacity(self.limb.bones.len());
         let samples = 2 * (to - from);
+        let seams = (self.is_seam(from), self.is_seam(to));
         let (mut worst, mut kink) = (0.0_f64, 0.0_f64);
         // The middle first: most spans that are too long fail there.
         let order = (0..=samples).step_by(4).chain((0..=samples).filter(|k| k % 4 != 0));
@@ -344,7 +356,8 @@ impl<'a> Segments<'a> {
                 if slopes[index].is_some() {
                     far = far.max(angle(local, self.truth.local(sample, bone)) / allowed.turn);
                 }
-                if far > 1.0 {
+                // What is given at a seam nobody can mend.
+                if far > 1.0 && !(k == 0 && seams.0 || k == samples && seams.1) {
                     return None;
                 }
                 worst = worst.max(far);
