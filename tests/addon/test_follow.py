@@ -412,10 +412,10 @@ def test_hands_are_left_to_synthesize(drag, oncue, fixtures):
 
 
 def test_the_live_take_can_be_solved_again_at_rest_and_after_the_end(drag, oncue):
-    take, errors = oncue("bridge.solved"), oncue("errors")
+    take, solved, errors = oncue("bridge.take"), oncue("bridge.solved"), oncue("errors")
     drag.move("Stop", x=-0.1)
     with pytest.raises(errors.SceneError):
-        take.solved_of(drag.live)
+        solved.solved_of(drag.live)
     drag.rest()
     skeleton = oncue("native").core.skeleton()
     character = bpy.context.scene.oncue.character

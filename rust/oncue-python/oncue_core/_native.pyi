@@ -54,6 +54,7 @@ __all__ = [
     "cue_types",
     "default_settings",
     "edit_motion",
+    "fit_keys",
     "fit_seat",
     "index_scene",
     "map_rig",
