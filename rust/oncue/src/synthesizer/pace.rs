@@ -16,6 +16,9 @@ const MOST_TURN: f32 = 1.75;
 const TURN_AROUND: usize = 2;
 /// How often the pace is corrected.
 const ROUNDS: usize = 16;
+/// A step is corrected to so many times what its turn asks for, no more: what hurries then is a knee that flips between
+/// two frames, which no pace mends.
+const MOST_CORRECTED: f32 = 2.0;
 /// Frames to either side in which the pace changes.
 const EASE: usize = 5;
 /// Of a frame: nearer than this to one of the motion's it is that one.
@@ -46,6 +49,7 @@ pub(crate) fn unhurried(motion: &Motion, limits: &TurnLimits) -> Option<Paced> {
     if frames.iter().all(|f| *f <= 1.0) {
         return None;
     }
+    let most: Vec<f32> = frames.iter().map(|frames| MOST_CORRECTED * frames).collect();
     let mut paced = played(motion, &eased(&frames));
     // A knee does not turn evenly between two frames: what still hurries gets more.
     for _ in 0..ROUNDS {
@@ -53,9 +57,11 @@ pub(crate) fn unhurried(motion: &Motion, limits: &TurnLimits) -> Option<Paced> {
         for (pair, shows) in paced.motion.postures.windows(2).zip(paced.shows.windows(2)) {
             let ratio = hurry(pair, limits);
             if ratio > 1.0 {
-                hurries = true;
-                let steps = shows[0] as usize..(shows[1].ceil() as usize).min(frames.len());
-                frames[steps].iter_mut().for_each(|f| *f *= over(ratio));
+                for step in shows[0] as usize..(shows[1].ceil() as usize).min(frames.len()) {
+                    let corrected = (frames[step] * over(ratio)).min(most[step]);
+                    hurries |= corrected > frames[step];
+                    frames[step] = corrected;
+                }
             }
         }
         if !hurries {
@@ -189,6 +195,21 @@ mod tests {
         let added = paced.motion.len() - motion.len();
         assert!((3..12).contains(&added), "{added}");
         assert_eq!((paced.frame_of(5), paced.frame_of(39)), (5, 39 + added));
+    }
+
+    #[test]
+    fn what_no_pace_mends_does_not_hold_the_motion_up() {
+        // The whole leg spins between two frames, as a straight one does whose knee has no side: it is still to last.
+        let mut motion = motion();
+        for posture in &mut motion.postures[20..] {
+            let thigh = Joint::LeftUpLeg.index();
+            posture.rotations[thigh] = posture.rotations[thigh] * Quat::from_rotation_z(0.5);
+        }
+        let long = |limit: f32| {
+            unhurried(&motion, &TurnLimits::new([limit; JOINT_COUNT])).expect("it hurries").motion.len()
+        };
+        // Eleven times too fast, and half as much to either side, is about sixty frames more; twice that is the most.
+        assert!(long(0.05) < 40 + 2 * 70, "{}", long(0.05));
     }
 
     #[test]
