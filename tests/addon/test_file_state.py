@@ -13,9 +13,10 @@ from .test_character import evaluated_heads, forward_kinematics
 
 @pytest.fixture
 def stool(fixtures, core):
-    """A small task, ready to run."""
+    """A small task, ready to run; with a key on every frame, so that a joint that is off is moved by something else."""
     fixtures.stool_alone()
     set_quick(bpy.context.scene)
+    bpy.context.scene.oncue.every_frame = True
     return bpy.context
 
 
@@ -776,7 +777,8 @@ def test_a_shot_begins_where_it_begins(stool):
 def show(oncue, stool):
     """Has the scene hold a motion of so many frames from frame 1 on."""
     writer = oncue("bridge.action_writer")
-    return lambda count: writer._show_frames(stool.scene, 1 + np.arange(count))
+    action = bpy.data.actions.new("Shown")
+    return lambda count: writer._show_frames(stool.scene, action, 1, count)
 
 
 def test_an_end_that_a_take_made_is_moved_back(stool, show):
