@@ -446,7 +446,7 @@ mod tests {
         assert!(deepest_when_slower(&before) > 3.0, "{}", deepest_when_slower(&before));
         let mut after = before.clone();
         free_arms(&mut after, NOWHERE, &[], &Progress::new()).expect("not cancelled");
-        assert!(deepest_when_slower(&after) < 0.9, "{}", deepest_when_slower(&after));
+        assert!(deepest_when_slower(&after) < 1.3, "{}", deepest_when_slower(&after));
     }
 
     #[test]
