@@ -93,12 +93,17 @@ impl OwnContact {
     }
 
     /// From the second to the joint that the first hangs from, if that is of an arm; else from what the second hangs from to the first.
+    /// Nothing of trunk, pelvis and head.
     fn side_of_the_arm(&self, body: &BodyCapsules) -> Vec3 {
         let [(_, one), (_, other)] = nearest(self.shapes.map(|shape| body[shape].1));
         let hangs_from = |shape: usize| {
             let before = SHAPES.iter().position(|s| Some(s.part) == SHAPES[shape].part.hangs_from());
             body[before.unwrap_or(shape)].1.ends[0]
         };
+        // No arm comes to lie behind what it went into in front.
+        if self.parts.into_iter().any(|part| part.side() == 0) {
+            return Vec3::ZERO;
+        }
         match self.parts.map(BodyPart::is_arm) {
             [true, _] => hangs_from(self.shapes[0]) - other,
             [false, true] => one - hangs_from(self.shapes[1]),

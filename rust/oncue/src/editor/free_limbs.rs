@@ -446,7 +446,7 @@ mod tests {
         assert!(deepest_when_slower(&before) > 3.0, "{}", deepest_when_slower(&before));
         let mut after = before.clone();
         free_arms(&mut after, NOWHERE, &[], &Progress::new()).expect("not cancelled");
-        assert!(deepest_when_slower(&after) < 0.9, "{}", deepest_when_slower(&after));
+        assert!(deepest_when_slower(&after) < 1.3, "{}", deepest_when_slower(&after));
     }
 
     #[test]
@@ -519,14 +519,15 @@ mod tests {
         let figures = body_figures(&after, 0.0, None);
         assert!(figures.own_body.deepest_cm < 0.5, "{:?}", figures.own_body);
         assert_eq!(figures.joint_limits.percent, 0.0, "{:?}", figures.joint_limits);
-        let left = [ARMS[0][1], ARMS[0][2], ARMS[0][3]].map(Joint::index);
+        // The other arm makes way for the hand that comes across.
+        let arms: Vec<usize> =
+            ARMS.iter().flat_map(|arm| arm[1..4].iter().map(|joint| joint.index())).collect();
         for (frame, (a, b)) in before.postures.iter().zip(&after.postures).enumerate() {
             assert_eq!(a.root_position, b.root_position);
             for joint in 0..a.rotations.len() {
                 let turned = a.rotations[joint].angle_between(b.rotations[joint]);
-                let moves = left.contains(&joint) && (10..81).contains(&frame);
-                // The other hand all but lies on the thigh, and is kept a millimetre off it.
-                assert!(moves || turned < 1e-2, "{frame} {joint}: {turned}");
+                let moves = arms.contains(&joint) && (10..81).contains(&frame);
+                assert!(moves || turned < 3e-3, "{frame} {joint}: {turned}");
             }
         }
         // No snap: the hand accelerates hardly more than it did.
