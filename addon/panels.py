@@ -409,7 +409,7 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
     lines = []
     for cue in report.get("cues", []):
         lines.append((f"{cue['cue']}: {'met' if cue['met'] else 'not met'}", "CHECKMARK" if cue["met"] else "ERROR"))
-        if cue["action_type"] == PASS:
+        if cue.get("action_type") == PASS:
             lines.append((f"    Passed {cue['pelvis_cm']:.1f} cm away", "BLANK1"))
         else:
             lines.append((f"    Pelvis {cue['pelvis_cm']:.1f} cm, facing {cue['facing_degrees']:.1f}°", "BLANK1"))

@@ -203,7 +203,7 @@ mod tests {
         let mut motion = motion();
         for posture in &mut motion.postures[20..] {
             let thigh = Joint::LeftUpLeg.index();
-            posture.rotations[thigh] = posture.rotations[thigh] * Quat::from_rotation_z(0.5);
+            posture.rotations[thigh] *= Quat::from_rotation_z(0.5);
         }
         let long = |limit: f32| {
             unhurried(&motion, &TurnLimits::new([limit; JOINT_COUNT])).expect("it hurries").motion.len()
