@@ -227,9 +227,15 @@ def _show_frames(scene: bpy.types.Scene, action: bpy.types.Action, first: int, c
     """
     if not count:
         return
-    settings, last = scene.oncue, first + count - 1
+    last = first + count - 1
     action.use_frame_range = True
     action.frame_start, action.frame_end = first, last
+    fit_end(scene, last)
+
+
+def fit_end(scene: bpy.types.Scene, last: int) -> None:
+    """Has the scene end no earlier than a take's last frame, and no later than the artist had it and this asks for."""
+    settings = scene.oncue
     if scene.frame_end != settings.fitted_end:
         settings.shot_end = 0 if _is_nobodys_shot(scene, last) else scene.frame_end
     end = max(settings.shot_end, last)

@@ -11,6 +11,7 @@ import numpy as np
 from mathutils import Vector
 
 from .. import quaternions
+from ..errors import SceneError
 from ..key_fit import Rest
 from . import mannequin
 from .names import CHARACTER_KEY, oncue_collection
@@ -58,6 +59,16 @@ def find_character(scene: bpy.types.Scene, skeleton: dict) -> bpy.types.Object |
         if thing.get(CHARACTER_KEY) and thing.type == "ARMATURE" and thing.is_editable and thing in shown
     ]
     return next((one for one in candidates if misfit(one, skeleton) is None), None)
+
+
+def check_chosen(scene: bpy.types.Scene) -> None:
+    """Raises SceneError where the artist's own rig that was chosen is not in the scene: none is made in its place."""
+    chosen = scene.oncue.character
+    if chosen is not None and not chosen.get(CHARACTER_KEY) and not _is_in(scene, chosen):
+        raise SceneError(
+            f"{chosen.name} is chosen as Character and is not in this scene: choose another one, or clear the field in "
+            "Oncue's settings."
+        )
 
 
 def _is_in(scene: bpy.types.Scene, thing: bpy.types.Object) -> bool:

@@ -49,10 +49,13 @@ def check_over_time(context: bpy.types.Context, character: bpy.types.Object | No
     if character is None or not may_move(character, own_action=False):
         return
     if moving(context, [character], context.scene.oncue.start_frame):
-        raise CharacterError(
+        said = (
             f"{character.name} itself is moved by its parent, a constraint, a driver or an NLA strip, and the motion "
-            f"with it: clear these, {RESET}."
+            f"with it: clear these, {RESET}"
         )
+        if is_own_skeleton(character, native.core.skeleton()):
+            raise CharacterError(f"{said}.")
+        raise SceneError(f"{_without_reset(said)}.")
 
 
 def remarks(context: bpy.types.Context, character: bpy.types.Object | None) -> Iterator[tuple[str, str]]:

@@ -20,6 +20,8 @@ from .armature import rest_of
 from .armature_motion import body_bones, parents_among
 from .names import MAPPING_KEY, REPORT_KEY
 
+#: What the core says where a joint has no bone.
+UNNAMED = "no joint was recognised as"
 #: A corner belongs to a foot where so much of it does.
 OF_A_FOOT = 0.5
 #: Height of the core's hip joints over its soles, metres.
@@ -73,19 +75,32 @@ def recognized(character: bpy.types.Object, mapping: dict[str, str] | None = Non
     def places(points: list) -> list:
         return [tuple(float(c) for c in turn @ np.array(point)) for point in points]
 
+    rest = (
+        [bone.name for bone in bones],
+        list(parents),
+        places([bone.head_local for bone in bones]),
+        places([bone.tail_local for bone in bones]),
+    )
     try:
-        found = native.core.map_rig(
-            [bone.name for bone in bones],
-            list(parents),
-            places([bone.head_local for bone in bones]),
-            places([bone.tail_local for bone in bones]),
-            mapping,
-        )
+        found = native.core.map_rig(*rest, mapping)
     except native.core.InputError as error:
-        raise SceneError(f"{character.name} was not recognised as a person: {error}") from error
+        found = _by_shape(rest, mapping) if UNNAMED in str(error) else None
+        if found is None:
+            raise SceneError(f"{character.name} was not recognised as a person: {error}") from error
     if rigify.is_rigify(character):
         found["spine"] = [bone for bone in found["spine"] if bone in rigify.SPINE]
     return found
+
+
+def _by_shape(rest: tuple, mapping: dict[str, str]) -> dict | None:
+    """What the rig's shape says where neither its names nor those that the artist has named do; theirs come first."""
+    if not mapping:
+        return None
+    try:
+        seen = native.core.map_rig(*rest, {})
+        return native.core.map_rig(*rest, {**seen["joints"], **mapping})
+    except native.core.InputError:
+        return None
 
 
 def rig_of(character: bpy.types.Object, skeleton: dict) -> Rig:

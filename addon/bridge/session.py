@@ -96,6 +96,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     native.require()
     settings = context.scene.oncue
     character = armature.find_character(context.scene, native.core.skeleton())
+    armature.check_chosen(context.scene)
     puppet = file_state.check(context, character)
     task, notes, manipulations, moving = read_task(context, settings.scene_scale), [], [], ()
     if not hands:
@@ -423,7 +424,7 @@ def write_outcome(
             **placed,
         )
         if puppet.is_control_rig:
-            _have_controls_followed(context, puppet, motion, begins)
+            _have_controls_followed(context, puppet, space, motion, begins)
         action[TAKE_OF_KEY] = character
         mark_cues(action, report_of(action), request.scene_rate)
         written = action if few else None
@@ -432,10 +433,12 @@ def write_outcome(
     return action
 
 
-def _have_controls_followed(context: bpy.types.Context, puppet: Puppet, motion: Motion, begins: int) -> None:
+def _have_controls_followed(
+    context: bpy.types.Context, puppet: Puppet, space: rigify.ControlSpace, motion: Motion, begins: int
+) -> None:
     """Has a rig of controls follow the keys that were just written. Raises SceneError where it does not."""
     character = puppet.character
-    wanted = puppet.space().wanted(resample(motion, frame_rate(context.scene)))
+    wanted = space.wanted(resample(motion, frame_rate(context.scene)))
     with rigify.switched(character, begins):
         away, bone, frame = rigify.off_by(context, character, wanted, begins)
         centimetres = 100.0 * away * puppet.scene_scale

@@ -12,6 +12,8 @@ from .names import CHARACTER_KEY, CUE_KEY, EXCLUDE_KEY
 
 #: Constraints that hang an object on their target, as a parent does.
 HANGING = {"CHILD_OF", "ARMATURE", "COPY_TRANSFORMS", "COPY_LOCATION", "PIVOT"}
+#: Modifiers that have an object carry a mesh along, as clothes hang on a body.
+DEFORMING = {"ARMATURE", "HOOK", "MESH_DEFORM"}
 #: Ways of showing an object by which nobody takes it for a solid thing.
 OUTLINES = {"WIRE", "BOUNDS"}
 #: A ray goes through so many surfaces that do not count, and is blocked by the next.
@@ -100,9 +102,10 @@ class Furniture:
 
 
 def carriers(thing: bpy.types.Object) -> list[bpy.types.Object]:
-    """What an object hangs on: its parent, the armatures that deform it, and the targets of such constraints."""
+    """What an object hangs on: its parent, what deforms it along with itself, and the targets of such constraints."""
     found = [thing.parent]
-    found += [modifier.object for modifier in thing.modifiers if modifier.type == "ARMATURE"]
+    found += [modifier.object for modifier in thing.modifiers if modifier.type in DEFORMING]
+    found += [modifier.target for modifier in thing.modifiers if modifier.type == "SURFACE_DEFORM"]
     for constraint in thing.constraints:
         if constraint.type in HANGING and not constraint.mute and constraint.influence > 0.0:
             targets = constraint.targets if constraint.type == "ARMATURE" else [constraint]

@@ -6,7 +6,10 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, IntProperty
 
+from .. import native
 from ..bridge import pins, session, solved
+from ..bridge.puppet import is_own_skeleton
+from ..errors import SceneError
 from ..job_operator import JobOperator
 from ..pipeline import EditOutcome, Steps, edit_steps
 from .button import Button
@@ -46,6 +49,11 @@ class ONCUE_OT_pin(Button, bpy.types.Operator):
         return context.window_manager.invoke_props_dialog(self)
 
     def act(self, context: bpy.types.Context) -> None:
+        character = context.active_object
+        if not is_own_skeleton(character, native.core.skeleton()):
+            raise SceneError(
+                f"{character.name} is a rig of your own, and pins hold bones of Oncue's character alone: key the bone."
+            )
         now = context.scene.frame_current
         if not self.properties.is_property_set("first_frame"):
             self.first_frame = now

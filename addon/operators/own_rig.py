@@ -68,7 +68,8 @@ class ONCUE_OT_name_bone(BonesButton, bpy.types.Operator):
         mapping.pop(self.joint, None)
         if self.bone:
             mapping[self.joint] = self.bone
-        keep_if_known(character, mapping)
+        if still := keep_if_known(character, mapping):
+            self.say({"WARNING"}, still)
 
 
 class ONCUE_OT_save_bones(BonesButton, bpy.types.Operator):
@@ -109,15 +110,23 @@ class ONCUE_OT_load_bones(BonesButton, bpy.types.Operator):
     def act(self, context: bpy.types.Context) -> None:
         character = own_character(context)
         path = Path(bpy.path.abspath(self.filepath))
-        keep_if_known(character, _read(path))
-        self.say({"INFO"}, f"{character.name} has the bones that {path.name} names.")
+        still = keep_if_known(character, _read(path))
+        self.say({"WARNING" if still else "INFO"}, still or f"{character.name} has the bones that {path.name} names.")
 
 
-def keep_if_known(character: bpy.types.Object, mapping: dict[str, str]) -> None:
-    """Keeps a mapping that makes a person of the rig. Raises SceneError for another, and keeps what there was."""
-    own_rig.recognized(character, mapping)
+def keep_if_known(character: bpy.types.Object, mapping: dict[str, str]) -> str:
+    """Keeps a mapping that makes a person of the rig, or might once more bones are named: then what is still missing,
+    else nothing. Raises SceneError for another, and keeps what there was."""
+    still = ""
+    try:
+        own_rig.recognized(character, mapping)
+    except SceneError as error:
+        if own_rig.UNNAMED not in str(error):
+            raise
+        still = str(error)
     own_rig.keep_mapping(character, mapping)
     handle.forget()
+    return still
 
 
 def _read(path: Path) -> dict[str, str]:

@@ -10,6 +10,7 @@ from bpy.props import IntProperty, StringProperty
 
 from .. import native
 from ..bridge import session, takes
+from ..bridge.action_writer import fit_end
 from ..bridge.policies import policy_cache
 from ..errors import SceneError
 from ..job_operator import JobOperator, handle
@@ -40,6 +41,7 @@ class TakeButton(Button):
         played = session.current_action(context.scene)
         name = self.name or (played.name if played else "")
         self.treat(character, takes.take_named(character, name))
+        fit_end_to_played(context.scene)
         handle.forget()
 
     def treat(self, character: bpy.types.Object, take: bpy.types.Action) -> None:
@@ -86,6 +88,13 @@ class ONCUE_OT_push_take(TakeButton, bpy.types.Operator):
         takes.push_take(character, take)
 
 
+def fit_end_to_played(scene: bpy.types.Scene) -> None:
+    """Has the scene end with the take that is played."""
+    played = session.current_action(scene)
+    if played is not None and played.use_frame_range:
+        fit_end(scene, int(played.frame_end))
+
+
 @dataclass
 class Several:
     """The motions of several seeds, and what is said of those that could not be made."""
@@ -99,6 +108,7 @@ class Several:
         problems = [session.report_of(action)["problems"] for action in written]
         best = min(range(len(written)), key=lambda k: len(problems[k]))
         takes.play_take(context.scene.oncue.character, written[best])
+        fit_end_to_played(context.scene)
         good = sum(not found for found in problems)
         operator.say(
             {"INFO"}, f"Oncue made {len(written)} takes, {good} without a problem; {written[best].name} plays."

@@ -417,6 +417,23 @@ def test_a_body_much_wider_than_the_cores_is_told(stage, oncue):
     assert said.startswith("unreal is 1.8 times as wide")
 
 
+def test_a_chosen_rig_that_is_not_in_the_scene_is_told(stage):
+    person = chosen(stage, make_person("unreal", 1.7))
+    stage.scene.collection.objects.unlink(person)
+    refused("unreal is chosen as Character and is not in this scene")
+    assert stage.scene.oncue.character == person
+
+
+def test_clothes_that_hang_on_the_body_are_no_furniture(stage, oncue):
+    person = chosen(stage, make_person("unreal", 1.7))
+    for kind, name in (("SURFACE_DEFORM", "target"), ("HOOK", "object")):
+        coat = add_cube(f"Coat {kind}", location=(-0.5, 0.6, 1.0), scale=(0.5, 0.3, 0.6))
+        setattr(coat.modifiers.new("Hang", kind), name, skin_of(person) if name == "target" else person)
+    bpy.ops.oncue.synthesize()
+    _, report = played(oncue, stage.scene)
+    assert report["success"], report["problems"]
+
+
 def test_reset_character_leaves_an_own_rig_alone(stage):
     person = chosen(stage, constrained(stage))
     with pytest.raises(RuntimeError, match="rig of your own"):
@@ -439,6 +456,29 @@ def test_a_named_bone_goes_before_what_is_recognised(stage, own_rig, tmp_path):
     assert own_rig.recognized(person)["joints"]["Neck"] == "neck_01"
     bpy.ops.oncue.load_bones(filepath=str(path))
     assert own_rig.recognized(person)["joints"]["Neck"] == "spine_05"
+
+
+def test_a_rig_without_names_has_its_bones_named_one_by_one(stage, own_rig):
+    person = chosen(stage, make_person("unreal", 1.6))
+    joints = own_rig.recognized(person)["joints"]
+    numbers = {bone.name: f"b{k:03d}" for k, bone in enumerate(person.data.bones)}
+    for name, number in numbers.items():
+        person.data.bones[name].name = number
+    assert own_rig.recognized(person)["shape_percent"]
+    for joint in ("Neck", "LeftHand", "RightUpLeg"):
+        assert bpy.ops.oncue.name_bone(joint=joint, bone=numbers[joints[joint]]) == {"FINISHED"}
+    found = own_rig.recognized(person)["joints"]
+    assert found["LeftHand"] == numbers["hand_l"]
+    assert found["LeftFoot"] == numbers["foot_l"]
+
+
+def test_of_two_missing_bones_each_can_be_named(stage, own_rig, oncue):
+    person = chosen(stage, make_person("unreal", 1.6))
+    person.data.bones["upperarm_l"].name, person.data.bones["calf_r"].name = "one", "two"
+    bpy.ops.oncue.name_bone(joint="LeftArm", bone="one")
+    assert own_rig.mapping_of(person) == {"LeftArm": "one"}
+    bpy.ops.oncue.name_bone(joint="RightLeg", bone="two")
+    assert own_rig.recognized(person)["joints"]["RightLeg"] == "two"
 
 
 @pytest.mark.parametrize(
@@ -492,6 +532,18 @@ def test_a_rigify_rig_gets_keys_on_its_controls_and_its_body_follows(rigify, sta
     assert tuple(hips)[:2] == pytest.approx((2.0, 0.0), abs=0.04)
     assert hips.z - 0.45 == pytest.approx(0.08 * report["extension"]["body"]["size"], abs=0.02)
     assert posed.pose.bones["DEF-toe.L"].head.z == pytest.approx(rigify.data.bones["DEF-toe.L"].head_local.z, abs=0.005)
+
+
+def test_a_rigify_hand_follows_its_cue(rigify, context, oncue):
+    add_cube("Floor", location=(0, 0, -0.05), scale=(8, 8, 0.1))
+    context.scene.render.fps = 30
+    chosen(context, rigify)
+    cue("start", (-0.5, 0.6, 0.0))
+    cue("stop", (1.2, 0.1, 0.0), math.pi / 2)
+    cue("right_hand", (1.5, -0.1, 1.0), oncue_first_frame=160, oncue_last_frame=180)
+    bpy.ops.oncue.synthesize()
+    _, report = played(oncue, context.scene)
+    assert report["success"], report["problems"]
 
 
 def test_resolve_adapts_a_rigify_rig(rigify, stage, oncue):

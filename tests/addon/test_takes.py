@@ -111,6 +111,8 @@ def test_variations_are_the_takes_of_their_seeds(stool, oncue, takes):
     found = takes.takes_of(stool.scene.oncue.character)
     reports = [session.report_of(take) for take in found]
     assert sorted(report["seed"] for report in reports) == [1, 2, 3]
+    assert stool.scene.frame_end >= current_action().frame_end
+    assert stool.scene.frame_end == max(current_action().frame_end, stool.scene.oncue.shot_end)
     best = min(len(report["problems"]) for report in reports)
     assert len(session.report_of(current_action())["problems"]) == best
     # Each is the motion that its seed gives alone.
