@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import native
+from .quaternions import to_matrix
 
 Numbers = NDArray[np.float64]
 Marks = NDArray[np.bool_]
@@ -90,6 +91,24 @@ def limbs_of(rest: Rest) -> list[list[int]]:
         found.append(where.get(bone, found[parent] if parent >= 0 else 0))
     limbs = [[bone for bone, limb in enumerate(found) if limb == k] for k in range(len(LIMBS))]
     return [limb for limb in limbs if limb]
+
+
+def places_of(rest: Rest, channels: Channels) -> Numbers:
+    """Where the bones' heads are, armature space, shape (times, bones, 3)."""
+    turns: list[Numbers] = []
+    heads: list[Numbers] = []
+    for bone, parent in enumerate(rest.parents):
+        own = channels.rotations[:, bone] / np.linalg.norm(channels.rotations[:, bone], axis=1, keepdims=True)
+        before = np.broadcast_to(to_matrix(rest.rotations[bone]), (len(own), 3, 3))
+        head = np.broadcast_to(rest.offsets[bone], (len(own), 3))
+        if parent >= 0:
+            before, head = turns[parent] @ before, heads[parent] + (turns[parent] @ head[..., None])[..., 0]
+        if bone == 0:
+            head = head + (before @ channels.locations[..., None])[..., 0]
+        heads.append(head)
+        turns.append(before @ to_matrix(own))
+    found: Numbers = np.stack(heads, axis=1)
+    return found
 
 
 def planted_frames(contacts: NDArray[np.float32], core_rate: float, scene_rate: float, count: int) -> Marks:

@@ -300,7 +300,10 @@ def write_edit(
         touched = now.write(motion, np.asarray(edited.contacts))
         report = report_of(action)
         if report is not None:
-            action[REPORT_KEY] = json.dumps(edited_report(report, request, outcome, skipped))
+            edited = edited_report(report, request, outcome, skipped)
+            if off := now.feet_off(motion):
+                edited = {**edited, "success": False, "problems": [*edited.get("problems", []), *off]}
+            action[REPORT_KEY] = json.dumps(edited)
     return touched
 
 

@@ -13,6 +13,7 @@ import bpy
 import numpy as np
 
 from ..errors import SceneError
+from ..key_fit import FEET, Channels, places_of
 from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat, own_rig
@@ -35,6 +36,8 @@ LEAST_OF_RUN = 0.5
 OBJECT_CHANNELS = ("location", "rotation_", "scale", "delta_")
 #: What a bone of an own rig turns (1 − |q · q'|), and its first one moves, scene units, by less has not changed.
 SAME_TURN, SAME_PLACE = 1e-9, 1e-6
+#: A foot is where the motion has it, but for this.
+FOOT_OFF_CM = 1.0
 #: A body is of the same size, as a share of it.
 SAME_SIZE = 1e-4
 #: A frame of the scene this near to one of the core's is that frame.
@@ -51,6 +54,7 @@ class Take:
         if puppet.rig is not None and abs(puppet.metres_per_unit / self.solved.metres_per_unit - 1.0) > SAME_SIZE:
             raise SceneError(f"{character.name} is of another size than when {action.name} was made: synthesize again.")
         puppet = replace(puppet, scene_scale=self.solved.metres_per_unit * puppet.size)
+        self._size = puppet.size
         self._space = puppet.space(self.solved.matrix_world, own_rig.holds_of_action(action, puppet.size))
         #: The bones that are keyed.
         self.names = self._space.bones
@@ -267,6 +271,26 @@ class Take:
         touched = self.keys.write(motion, values, contacts, held, changed)
         self._keep(motion, contacts)
         return None if touched is None else tuple(frame + self.solved.start_frame for frame in touched)
+
+    def feet_off(self, motion: Motion) -> list[str]:
+        """Sentences about feet that what was written leaves elsewhere than an edited motion has them: the artist's
+        curves over them stay as they are, between the core's frames too. To be asked once it is written."""
+        wanted = self._space.channels(resample(motion, self.solved.scene_rate))
+        rest, played = self._space.rest(), solved_of(self.action).keys.astype(np.float64)
+        shown = Channels(played[:, :3], played[:, 3:].reshape(len(played), -1, 4))
+        away = np.linalg.norm(places_of(rest, shown) - places_of(rest, Channels(*wanted)), axis=2)
+        centimetres = 100.0 * self._size * away / rest.units_per_metre
+        said = []
+        for bone in (bone for side in FEET for bone in side if bone in rest.names):
+            off = centimetres[:, rest.names.index(bone)]
+            frame = int(np.argmax(off))
+            if off[frame] > FOOT_OFF_CM:
+                said.append(
+                    f"{self.names[rest.names.index(bone)]} is {off[frame]:.1f} cm from where it should stand at frame "
+                    f"{frame + self.solved.start_frame}, since your keys over it stay as they are: key it there too, "
+                    "or synthesize with Key Every Frame."
+                )
+        return said
 
     def _changed(self, values: np.ndarray) -> np.ndarray:
         """Whether each bone is to play otherwise at each frame than before, (frames, bones): on a rig of other
