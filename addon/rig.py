@@ -179,18 +179,16 @@ class Rig:
 
     def _sole_of(self, side: str, seen: Sole | None) -> Sole:
         """The sole of a foot: of its mesh, or by what bones alone tell."""
+        if seen is not None:
+            return seen
         ankle = self._need(f"{side}Foot") @ self.axes
         toe = self.head(f"{side}Toe")
-        hip = self._hip @ self.axes
-        bone = self._bone[f"{side}Foot"]
-        ahead = self.rest.tails[bone] if toe is None else toe
-        leg = float(hip[2] - ankle[2])
+        ahead = self.rest.tails[self._bone[f"{side}Foot"]] if toe is None else toe
+        leg = float((self._hip @ self.axes)[2] - ankle[2])
         lowest = min(float(ankle[2]), float(ahead @ self.axes[:, 2]))
         # A rig stands at its origin as a rule; one that does not has its toes a little over the floor.
         floor = 0.0 if -0.01 * leg < lowest < 0.14 * leg else lowest - 0.026 * leg
-        if seen is None:
-            return Sole(floor, float(ankle[1]) + HEEL * leg, float(ankle[1]) - TIP * leg)
-        return seen
+        return Sole(floor, float(ankle[1]) + HEEL * leg, float(ankle[1]) - TIP * leg)
 
     def _find_carrier(self) -> int:
         """The bone that carries the body about: the hips', or the first over it that is not fixed to its parent."""
@@ -221,11 +219,6 @@ class Rig:
                 found.add(bone)
                 bone = self.rest.parents[bone]
         return sorted(found)
-
-    @property
-    def chain(self) -> list[str]:
-        """The names of all bones whose pose decides where the keyed ones are."""
-        return [self.rest.names[bone] for bone in self._chain]
 
     # --- the rest poses beside each other -----------------------------------------------------------------------------
 
@@ -397,7 +390,7 @@ class Rig:
         below = self._offsets[[self._joints["LeftUpLeg"], self._joints["RightUpLeg"]]].mean(axis=0)
         root = middle - _turned(turns[:, 0], below) * self.unit
         world = np.asarray(to_world, dtype=np.float64)
-        spin = world[:3, :3] / np.cbrt(np.linalg.det(world[:3, :3]))
+        spin = _without_scale(world)
         turns = spin @ turns
         local = turns.copy()
         for joint, parent in enumerate(self._parents):
@@ -410,7 +403,7 @@ class Rig:
         """Rotations (frames, joints, 3, 3) and places (frames, joints, 3) of the core's joints in armature space, and
         the world's up there."""
         world = np.asarray(to_world, dtype=np.float64)
-        spin = world[:3, :3] / np.cbrt(np.linalg.det(world[:3, :3]))
+        spin = _without_scale(world)
         local = quaternions.to_matrix(motion.rotations)
         back = np.linalg.inv(world)
         turns, places = np.empty_like(local), np.empty(local.shape[:3])
@@ -475,7 +468,7 @@ class Rig:
 
     def _hip_offset(self, side: str, turns: Array) -> Array:
         """From the middle of the hips to a hip joint, (frames, 3)."""
-        rest = self.rest.matrices[self._bone["Hips"], :3, :3].T @ (self._need(f"{side}UpLeg") - self._hip)
+        rest = self._from_hips(self._need(f"{side}UpLeg")) - self._from_hips(self._hip)
         pelvis = turns[:, self._joints["Hips"]] @ self._turned[self._bone["Hips"]]
         return _turned(pelvis, rest)
 
@@ -615,6 +608,12 @@ class Rig:
 
 
 # --- turns -----------------------------------------------------------------------------------------------------------
+
+
+def _without_scale(matrix: Array) -> Array:
+    """The rotation of an evenly scaled matrix (4, 4)."""
+    rotation: Array = matrix[:3, :3] / np.cbrt(np.linalg.det(matrix[:3, :3]))
+    return rotation
 
 
 def _turned(turns: Array, ways: Array) -> Array:

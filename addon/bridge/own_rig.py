@@ -12,11 +12,8 @@ import numpy as np
 from .. import native
 from ..body_size import clock
 from ..errors import SceneError
-from ..key_fit import Rest
-from ..motion import Motion
 from ..rig import LARGEST, SIDES, SMALLEST, Hold, RestRig, Rig, Sole
 from . import rigify
-from .armature import rest_of
 from .armature_motion import body_bones, parents_among
 from .names import MAPPING_KEY, REPORT_KEY
 
@@ -122,43 +119,6 @@ def size_of(character: bpy.types.Object, rig: Rig, metres_per_unit: float) -> fl
             f"Scene Scale in Oncue's settings, so that they are {SMALLEST * HIPS:.2f} to {LARGEST * HIPS:.2f} m."
         )
     return size
-
-
-class RigSpace:
-    """The way between the core's motion and a rig's channels, as `BoneSpace` is for the core's own skeleton."""
-
-    def __init__(
-        self,
-        character: bpy.types.Object,
-        rig: Rig,
-        metres_per_unit: float,
-        matrix_world=None,
-        holds: tuple[Hold, ...] = (),
-    ) -> None:
-        """`metres_per_unit`: of the core, so that the rig is as large as its body."""
-        self.bones, self.joints, self.is_exact = rig.bones, rig.joints, False
-        self._character, self._matrix_world = character, matrix_world
-        self._rig, self._metres, self._holds = rig, metres_per_unit, holds
-        world = character.matrix_world if matrix_world is None else matrix_world
-        self._to_world = np.array(world, dtype=np.float64)
-
-    def channels(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-        """A motion as locations of the first bone (frames, 3) and quaternions (frames, bones, 4)."""
-        return self._rig.channels(motion, self._to_world, self._metres, self._holds)
-
-    def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion:
-        """The inverse of `channels`, but for the proportions."""
-        return self._rig.motion(locations, rotations, frame_rate, self._to_world, self._metres)
-
-    def rest(self) -> Rest:
-        """How the bones hang on each other."""
-        labels = labels_of(self.joints, self.bones, self._rig)
-        return rest_of(self._character, self.bones, self._metres, self._matrix_world, labels=labels)
-
-
-def labels_of(joints: list[int], bones: list[str], rig: Rig) -> list[str]:
-    """The core's joints that bones show, each bone's own name where it shows none."""
-    return [rig.joint_names[joint] if joint >= 0 else bone for joint, bone in zip(joints, bones, strict=True)]
 
 
 def holds_of_action(action: bpy.types.Action, size: float) -> tuple[Hold, ...]:

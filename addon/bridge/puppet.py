@@ -13,6 +13,7 @@ from ..rig import Hold, Rig
 from . import own_rig, rigify
 from .action_writer import BoneSpace, Space
 from .armature import misfit
+from .rig_space import RigSpace
 from .scene_time import frame_rate
 
 
@@ -56,7 +57,7 @@ class Puppet:
         assert self.character is not None  # made by now
         if self.rig is None:
             return BoneSpace(self.character, self.bones, self.metres_per_unit, matrix_world)
-        kind = rigify.ControlSpace if self.is_control_rig else own_rig.RigSpace
+        kind = rigify.ControlSpace if self.is_control_rig else RigSpace
         return kind(self.character, self.rig, self.metres_per_unit, matrix_world, holds)
 
 

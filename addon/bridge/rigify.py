@@ -21,7 +21,7 @@ from .. import quaternions
 from ..key_fit import Rest
 from ..motion import Motion
 from ..rig import Array, Hold, RestRig, Rig
-from .armature import rest_of as rest_of_bones
+from .rig_space import RigSpace
 
 BODY = "ORG-"
 #: Bones that only rigs of Rigify's human have.
@@ -118,8 +118,8 @@ def rest_of(character: bpy.types.Object) -> RestRig:
     )
 
 
-class ControlSpace:
-    """The way between the core's motion and the channels of a Rigify rig's controls, as `RigSpace` is to bones."""
+class ControlSpace(RigSpace):
+    """The same for a Rigify rig: keys lie on the controls that the bones of the body follow."""
 
     def __init__(
         self,
@@ -129,15 +129,12 @@ class ControlSpace:
         matrix_world=None,
         holds: tuple[Hold, ...] = (),
     ) -> None:
-        self._rig, self._metres, self._holds = rig, metres_per_unit, holds
-        world = character.matrix_world if matrix_world is None else matrix_world
-        self._to_world = np.array(world, dtype=np.float64)
+        super().__init__(character, rig, metres_per_unit, matrix_world, holds)
         bones = character.data.bones
         self._controls = [control for control in CONTROLS if control.name in bones and control.goes_with in bones]
-        self.bones, self.is_exact = [control.name for control in self._controls], False
-        self._character, self._matrix_world = character, matrix_world
+        self.bones = [control.name for control in self._controls]
         shown = {bone: joint for joint, bone in rig.mapping["joints"].items()}
-        order = list(rig.joint_names)
+        order = rig.joint_names
         self.joints = [order.index(shown[c.goes_with]) if c.goes_with in shown else -1 for c in self._controls]
         self._rest = {name: np.array(bones[name].matrix_local, dtype=np.float64) for name in self._named()}
 
@@ -147,7 +144,7 @@ class ControlSpace:
 
     def channels(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
         """A motion as locations of the torso (frames, 3) and quaternions of the controls (frames, controls, 4)."""
-        body = self._rig.matrices(motion, self._to_world, self._metres, self._holds)
+        body = self.wanted(motion)
         basis = [self._basis(control, body) for control in self._controls]
         rotations = quaternions.continuous(np.stack([quaternions.from_matrix(one[:, :3, :3]) for one in basis], axis=1))
         return basis[0][:, :3, 3], rotations
@@ -165,9 +162,7 @@ class ControlSpace:
         """How the controls hang on each other: each on the one that goes with what it hangs on."""
         going = {control.goes_with: control.name for control in self._controls}
         over = [None if control.hangs_on is None else going[control.hangs_on] for control in self._controls]
-        order = self._rig.joint_names
-        labels = [order[joint] if joint >= 0 else bone for joint, bone in zip(self.joints, self.bones, strict=True)]
-        return rest_of_bones(self._character, self.bones, self._metres, self._matrix_world, over, labels)
+        return self._hung(over)
 
     def wanted(self, motion: Motion) -> dict[str, Array]:
         """Where the bones of the body are to be, armature space, (frames, 4, 4)."""

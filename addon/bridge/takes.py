@@ -41,14 +41,14 @@ def play_take(character: bpy.types.Object, action: bpy.types.Action | None) -> N
 
     What the take does not key of its bones is at rest, whatever another one left there.
     """
+    if not character.is_editable:
+        raise SceneError(f"{character.name} is linked and cannot be changed: make a library override of it.")
     data = character.animation_data or character.animation_data_create()
     if data.use_tweak_mode:
         raise SceneError(
             f"{character.name} has a strip open in tweak mode, in which it takes no other action: leave it (Tab in the "
             "NLA editor)."
         )
-    if not character.is_editable:
-        raise SceneError(f"{character.name} is linked and cannot be changed: make a library override of it.")
     if data.action is not None:
         data.action.use_fake_user = True
     data.action = action

@@ -186,7 +186,7 @@ def test_bone_for_bone_as_the_cores_body(core, oncue, own_rig):
     motion = motions.Motion(np.asarray(clip["root_positions"]), np.asarray(clip["rotations"]), 30.0)
     rig = own_rig.rig_of(person, skeleton)
     assert rig.unit == pytest.approx(1.0, abs=1e-3)
-    space = own_rig.RigSpace(person, rig, 1.0 / rig.unit)
+    space = oncue("bridge.rig_space").RigSpace(person, rig, 1.0 / rig.unit)
     locations, rotations = space.channels(motion)
     for bone in person.pose.bones:
         bone.rotation_mode = "QUATERNION"
