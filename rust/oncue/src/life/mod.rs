@@ -4,6 +4,8 @@
 //! All of it is laid over the motion that is there, by a seed. Feet stay where they stand, hands where they rest or follow
 //! their cues, a seated pelvis on its cue. Where it would bring the body into itself or into the scene there is less of it.
 
+mod armrest;
+mod backrest;
 mod limb;
 mod score;
 
@@ -24,6 +26,8 @@ use crate::math::rotation::{wrap_angle, yaw};
 use crate::motion::skeleton::{ARMS, BODY_BOXES, JOINT_OFFSET, LEG_LENGTH, Limb, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
 use crate::progress::Progress;
+use armrest::lay_aside;
+use backrest::settle_trunk;
 use limb::reach;
 use score::{Moment, Score};
 
@@ -42,11 +46,15 @@ const ROLLS_STANDING: f32 = -0.022;
 /// How far a standing pelvis goes over one foot, metres; of a seated trunk's lean a standing one has so much.
 const OVER_A_FOOT: f32 = 0.022;
 const STANDING_TRUNK: f32 = 0.45;
+/// Of what moves in a trunk that sits freely, one that leans on the back of the seat has so much.
+const CARRIED_TRUNK: f32 = 0.5;
 /// How much of a trunk's lean the pelvis makes, and the turns of each joint of the spine between the pelvis's and the chest's.
 const PELVIS_SHARE: f32 = 0.4;
 const SPINE_SHARES: [f32; 2] = [0.4, 0.7];
 /// How far a hand stirs along the thigh, inwards and up, metres; an arm that hangs swings and bends, radians.
 const STIRS: Vec3 = Vec3::new(0.08, 0.018, 0.045);
+/// Of that, on the arm of a seat.
+const STIRS_ASIDE: f32 = 0.35;
 const ARM_SWINGS: f32 = 0.06;
 const ELBOW_BENDS: f32 = 0.16;
 /// An arm that is held back by its hand is straightened without effort so far, and then by so much more, shares of its length.
@@ -116,10 +124,13 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
     if hold.size <= 0.0 || hold.from >= motion.len() {
         return Ok(());
     }
-    let body = Body::new(motion, hold);
     let frames = motion.len() - hold.from;
     let seconds = frames as f32 / FRAME_RATE;
     let score = Score::new(seconds, hold.size, hold.seed, &mut Pcg64::seed_from_u64(hold.seed ^ 0x11FE_0000));
+    let leans_back = settle_trunk(motion, hold, score.leans_back());
+    let armrests = score.armrests();
+    let aside = [0, 1].map(|side| armrests[side] && lay_aside(motion, hold, side));
+    let body = Body { leans_back, aside, ..Body::new(motion, hold) };
     let rest: Vec<Flaws> = body.base.par_iter().map(|posture| Flaws::of(posture, hold)).collect();
     let mut less = vec![vec![0.0f32; frames]; GROUPS];
     let mut demands = less.clone();
@@ -210,6 +221,10 @@ fn lengthen(motion: &mut Motion, frames: usize, seated: bool) {
 struct Body<'a> {
     base: &'a [Posture],
     seated: bool,
+    /// The trunk is carried by the back of the seat.
+    leans_back: bool,
+    /// Hands that lie on the arms of the seat.
+    aside: [bool; 2],
     hangs: [bool; 2],
     feet_free: [bool; 2],
     /// How far each hand follows a cue, 0 to 1, by frame.
@@ -234,7 +249,7 @@ impl<'a> Body<'a> {
         let hangs =
             [0, 1].map(|side| seated && pose.position(LEGS[side][3]).z - TOE_HEIGHT - hold.floor > HANGS);
         let feet_free = [0, 1].map(|side| seated && hold.feet_free[side] && !hangs[side]);
-        Self { base, seated, hangs, feet_free, carried, looks }
+        Self { base, seated, leans_back: false, aside: [false; 2], hangs, feet_free, carried, looks }
     }
 
     /// A frame with what moves at its moment, `share` of each group; and whether a foot and a hand that rest are missed, or a thigh sinks.
@@ -252,9 +267,15 @@ impl<'a> Body<'a> {
         let much = of(TRUNK);
         let (rolls, trunk_share) =
             if self.seated { (ROLLS_SEATED, 1.0) } else { (ROLLS_STANDING, STANDING_TRUNK) };
-        let settled =
+        let mut settled =
             if self.seated { moment.settled.extend(0.0) * (share[TRUNK] * left) } else { Vec3::ZERO };
-        let trunk = settled + moment.trunk * Vec3::new(trunk_share, trunk_share, 1.0) * much;
+        let mut stirs = moment.trunk * Vec3::new(trunk_share, trunk_share, 1.0) * much;
+        if self.leans_back {
+            // What is carried stirs less, and not into what carries it.
+            settled *= Vec3::new(0.0, CARRIED_TRUNK, 0.0);
+            stirs = CARRIED_TRUNK * stirs.with_x(soft(stirs.x));
+        }
+        let trunk = settled + stirs;
         let pelvis = in_heading(
             Quat::from_rotation_x(PELVIS_SHARE * trunk.x)
                 * Quat::from_rotation_y(rolls * moment.weight * much + PELVIS_SHARE * settled.y),
@@ -365,8 +386,9 @@ impl<'a> Body<'a> {
         let heading = Quat::from_rotation_z(self.base[0].planar().yaw);
         for (side, sign) in [1.0f32, -1.0].into_iter().enumerate() {
             let [_, upper, lower, hand] = ARMS[side];
-            let stir = moment.hands[side] * much[side] * (1.0 - carried[side]);
-            let settles = moment.hands_settle[side] * much[side] * (1.0 - carried[side]);
+            let [stirs, settles] = if self.aside[side] { [STIRS_ASIDE, 0.0] } else { [1.0; 2] };
+            let stir = moment.hands[side] * (stirs * much[side] * (1.0 - carried[side]));
+            let settles = moment.hands_settle[side] * (settles * much[side] * (1.0 - carried[side]));
             let stays = if self.seated { 1.0 } else { carried[side] };
             if stays < 1.0 {
                 // The wish of an arm that hangs.
@@ -480,6 +502,12 @@ impl Flaws {
         }
     }
 
+    /// How deep a part may come into the scene, metres, where the body at rest is as deep as this one.
+    fn allowed_in_scene(&self, part: BodyPart) -> f32 {
+        let own = self.scene.iter().filter(|r| r.0 == part).map(|r| r.1).fold(0.0, f32::max);
+        TOUCHES.max(own + DEEPER)
+    }
+
     /// Of which groups there is too much, where a body at rest has flaws of its own.
     fn over(&self, rest: &Flaws) -> [bool; GROUPS] {
         let mut over = [false; GROUPS];
@@ -497,8 +525,7 @@ impl Flaws {
             }
         }
         for &(part, depth) in &self.scene {
-            let own = rest.scene.iter().filter(|r| r.0 == part).map(|r| r.1).fold(0.0, f32::max);
-            if depth > TOUCHES.max(own + DEEPER) {
+            if depth > rest.allowed_in_scene(part) {
                 tell(part);
             }
         }

@@ -27,14 +27,44 @@ const FAR_LOOKS: f32 = 0.4;
 /// The chest comes round after a look by so long, seconds.
 const CHEST_FOLLOWS: f32 = 0.25;
 
-/// How takes settle: trunk forwards and to the left side, radians; left and right foot forwards, metres; hands along the
-/// thighs, metres. Takes beside each other differ in most of it.
+/// How takes settle: whether against the back of the seat and with which hands on its arms, where it has such; trunk forwards and to the left side, radians; left
+/// and right foot forwards, metres; hands along the thighs, metres. Takes beside each other differ in most of it.
 const SETTLINGS: [Settling; 5] = [
-    Settling { trunk: [-0.10, 0.03], feet: [0.15, 0.05], hands: [-0.06, -0.04] },
-    Settling { trunk: [0.34, -0.03], feet: [-0.08, 0.03], hands: [0.06, 0.07] },
-    Settling { trunk: [0.05, 0.14], feet: [0.03, 0.18], hands: [0.05, -0.06] },
-    Settling { trunk: [0.19, -0.13], feet: [0.13, -0.09], hands: [-0.05, 0.07] },
-    Settling { trunk: [0.08, 0.02], feet: [-0.10, -0.07], hands: [0.01, 0.0] },
+    Settling {
+        leans_back: false,
+        armrests: [false, false],
+        trunk: [0.34, -0.03],
+        feet: [-0.08, 0.03],
+        hands: [0.06, 0.07],
+    },
+    Settling {
+        leans_back: true,
+        armrests: [true, true],
+        trunk: [0.0, 0.03],
+        feet: [0.15, 0.05],
+        hands: [-0.06, -0.04],
+    },
+    Settling {
+        leans_back: true,
+        armrests: [false, true],
+        trunk: [0.05, 0.14],
+        feet: [0.03, 0.18],
+        hands: [0.05, -0.06],
+    },
+    Settling {
+        leans_back: false,
+        armrests: [true, false],
+        trunk: [0.19, -0.13],
+        feet: [0.13, -0.09],
+        hands: [-0.05, 0.07],
+    },
+    Settling {
+        leans_back: true,
+        armrests: [true, true],
+        trunk: [0.08, 0.02],
+        feet: [-0.10, -0.07],
+        hands: [0.01, 0.0],
+    },
 ];
 /// How much of each of these differs from take to take besides, radians and metres.
 const SETTLINGS_VARY: f32 = 0.025;
@@ -53,6 +83,8 @@ const STANDS: f32 = 0.025;
 
 #[derive(Debug, Clone, Copy, Default)]
 struct Settling {
+    leans_back: bool,
+    armrests: [bool; 2],
     trunk: [f32; 2],
     feet: [f32; 2],
     hands: [f32; 2],
@@ -85,7 +117,7 @@ impl Moves {
 }
 
 /// From 0 to 1 with the least jerk (Flash & Hogan 1985).
-fn eased(u: f32) -> f32 {
+pub(super) fn eased(u: f32) -> f32 {
     let u = u.clamp(0.0, 1.0);
     u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 }
@@ -227,6 +259,16 @@ impl Score {
             }
         }
         score
+    }
+
+    /// Whether who sits in this take leans back where the seat has a back.
+    pub(super) fn leans_back(&self) -> bool {
+        self.settling.leans_back
+    }
+
+    /// Which hands come to lie on the arms of the seat in this take, where it has some.
+    pub(super) fn armrests(&self) -> [bool; 2] {
+        self.settling.armrests
     }
 
     pub(super) fn at(&self, t: f32) -> Moment {

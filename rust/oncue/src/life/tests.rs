@@ -270,3 +270,120 @@ fn takes_settle_each_in_its_own_way() {
     };
     assert!(ends.iter().any(|end| moved(end).iter().any(|m| *m > 0.06)));
 }
+
+/// Deepest that a motion's body is in the scene, cm.
+fn depth(motion: &Motion, hold: &Hold) -> f32 {
+    body_figures(motion, 0.0, Some(&hold.around)).scene.expect("a scene").deepest_cm
+}
+
+/// How far the trunk leans back at the end, degrees.
+fn leans(motion: &Motion) -> f32 {
+    let pose = motion.postures[motion.len() - 1].pose();
+    let line = pose.position(Joint::Neck) - pose.position(Joint::Spine);
+    line.y.atan2(line.z).to_degrees()
+}
+
+/// A stool whose back begins so far behind the pelvis, metres.
+fn chair(back: f32) -> SceneIndex {
+    room(&[([-0.2, -0.14, 0.0], [0.2, 0.2, SEAT]), ([-0.22, back, SEAT], [0.22, back + 0.05, 0.95])])
+}
+
+#[test]
+fn who_stays_leans_back_until_something_carries_the_trunk() {
+    let before = seated(40);
+    let leant = [0.18f32, 0.22, 0.26].map(|back| {
+        let scene = chair(back);
+        let asked = hold(&scene, true, 90, 1, &[]);
+        let after = alive(&before, &asked);
+        assert!(depth(&after, &asked) < 1.0, "{back}");
+        let (end, rest) = (after.postures[89].pose(), before.postures[0].pose());
+        assert_eq!(after.postures[89].root_position, before.postures[0].root_position);
+        for joint in [Joint::LeftFoot, Joint::RightFoot] {
+            assert!(end.position(joint).distance(rest.position(joint)) < 1.5e-3, "{back} {joint:?}");
+        }
+        // Hands come back with it, on the thighs.
+        for hand in Joint::HANDS {
+            let moved = end.position(hand) - rest.position(hand);
+            assert!(moved.length() < 0.22 && moved.z.abs() < 0.08, "{back} {hand:?} {moved}");
+        }
+        // The head looks where it did.
+        let nods = end.rotation(Joint::Head) * Vec3::NEG_Y;
+        assert!(nods.z.abs() < 0.35, "{back} {nods}");
+        leans(&after)
+    });
+    assert!(leant[0] + 4.0 < leant[1] && leant[1] + 4.0 < leant[2] && leant[2] < 36.0, "{leant:?}");
+    // The whole trunk goes 20 cm farther back than what is before the pelvis's back: within 3 cm of what carries it.
+    let scene = chair(0.22);
+    let asked = hold(&scene, true, 90, 1, &[]);
+    let nearer = room(&[([-0.22, 0.19, SEAT + 0.2], [0.22, 0.27, 0.95])]);
+    let touches = Hold { around: Surroundings { scene: &nearer, ..asked.around.clone() }, ..asked };
+    let scene = chair(0.22);
+    let after = alive(&before, &hold(&scene, true, 90, 1, &[]));
+    assert!(depth(&after, &touches) > 0.5);
+    // Other takes sit up, and so does who gets up at once, has something in hand, or has nothing behind.
+    for (seed, frames, carried) in [(0, 90, vec![]), (1, 30, vec![]), (1, 90, vec![(Hand::Left, 20..60)])] {
+        let scene = chair(0.22);
+        let after = alive(&seated(30), &hold(&scene, true, frames, seed, &carried));
+        assert!(leans(&after) < leant[1] - 5.0, "{seed} {frames}: {}", leans(&after));
+    }
+    let far = chair(0.6);
+    assert!(leans(&alive(&before, &hold(&far, true, 90, 1, &[]))) < 8.0);
+}
+
+#[test]
+fn who_reclines_on_nothing_sits_up() {
+    let mut before = seated(40);
+    for posture in &mut before.postures {
+        posture.rotations[Joint::Spine.index()] *= Quat::from_rotation_x(-0.3);
+    }
+    assert!(leans(&before) > 16.0);
+    let scene = stool();
+    for seed in 0..5 {
+        let after = alive(&before, &hold(&scene, true, 90, seed, &[]));
+        assert!(leans(&after) < 10.0, "{seed}: {}", leans(&after));
+    }
+    // Where there is a back it leans on that, in every take.
+    let scene = chair(0.24);
+    let asked = hold(&scene, true, 90, 3, &[]);
+    let after = alive(&before, &asked);
+    assert!(depth(&after, &asked) < depth(&before, &asked).max(1.0));
+}
+
+#[test]
+fn hands_lie_on_the_arms_of_a_seat() {
+    let before = seated(40);
+    let armchair = |height: f32| {
+        let rest = |sign: f32| {
+            let (a, b) = (sign * 0.27, sign * 0.37);
+            ([a.min(b), -0.40, 0.0], [a.max(b), 0.2, SEAT + height])
+        };
+        room(&[([-0.26, -0.14, 0.0], [0.26, 0.2, SEAT]), rest(1.0), rest(-1.0)])
+    };
+    let lies = |motion: &Motion, height: f32| {
+        let pose = motion.postures[motion.len() - 1].pose();
+        Joint::HANDS.map(|hand| {
+            let at = pose.position(hand);
+            (0.26..0.38).contains(&at.x.abs()) && (0.03..0.07).contains(&(at.z - SEAT - height))
+        })
+    };
+    let scene = armchair(0.22);
+    for (seed, expected) in [(0, [false; 2]), (1, [true; 2]), (2, [false, true]), (3, [true, false])] {
+        let asked = hold(&scene, true, 90, seed, &[]);
+        let after = alive(&before, &asked);
+        assert_eq!(lies(&after, 0.22), expected, "{seed}");
+        assert!(depth(&after, &asked) < 1.0, "{seed}");
+        assert!(body_figures(&after, 0.0, None).joint_limits.percent < 1e-3, "{seed}");
+        let poses: Vec<Pose> = after.postures.iter().map(Posture::pose).collect();
+        for w in poses.windows(3) {
+            for joint in Joint::HANDS {
+                let a = (w[0].position(joint) + w[2].position(joint) - 2.0 * w[1].position(joint)).length();
+                assert!(a * 900.0 < 12.0, "{seed} {joint:?}: {} m/s²", a * 900.0);
+            }
+        }
+    }
+    // Too high, and not there.
+    for scene in [armchair(0.45), stool()] {
+        let after = alive(&before, &hold(&scene, true, 90, 1, &[]));
+        assert_eq!(lies(&after, 0.22), [false; 2]);
+    }
+}
