@@ -483,7 +483,7 @@ impl Signals {
         let swing = -sign * shifted(&self.lead, i, -0.02) * arms;
         // Arms lag behind a body that turns, and swing out.
         let turning = (shifted(&self.yaw, i, 0.1) - shifted(&self.yaw, i, -0.1)) / 0.2;
-        let forward = -0.055 + 0.34 * swing + 0.75 * seat.lean + sign * ARMS_LAG * turning;
+        let forward = -0.055 + 0.34 * swing + seat.lean + sign * ARMS_LAG * turning;
         let bend =
             0.27 + 0.11 * self.speed[i].abs().min(1.4) + 0.34 * shifted(&self.lead, i, -0.05) * -sign * arms;
         let shrug = 0.012 * breath + 0.05 * hands;

@@ -42,7 +42,7 @@ pub(super) struct HandRest {
 
 const NEAR_THE_KNEE: HandRest = HandRest { along: 0.275, inwards: 0.015 };
 const ON_THE_THIGH: HandRest = HandRest { along: 0.215, inwards: 0.0 };
-const IN_THE_LAP: HandRest = HandRest { along: 0.165, inwards: 0.035 };
+const IN_THE_LAP: HandRest = HandRest { along: 0.165, inwards: 0.022 };
 
 /// How two hands rest, left and right.
 const HAND_RESTS: [[HandRest; 2]; 6] = [
