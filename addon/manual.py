@@ -11,7 +11,7 @@ import bpy
 from .errors import SceneError
 
 PAGE = Path(__file__).with_name("manual.html")
-#: The guide in the archive, made of docs/guide (tools/guide_pages.py); where Oncue runs from its sources that stands in.
+#: The guide in the archive, made of docs/guide by tools/guide_pages.py; without an archive that itself is shown.
 GUIDE, SOURCES = Path(__file__).with_name("guide"), Path(__file__).parents[1] / "docs" / "guide"
 #: The page that lists the others.
 INDEX = "index"

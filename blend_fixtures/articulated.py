@@ -34,7 +34,7 @@ def object_task(scene: bpy.types.Scene, glb: Path, opening: Opening) -> bpy.type
 
 
 def opened_by_hand(scene: bpy.types.Scene, opening: Opening) -> bpy.types.Object:
-    """Animates the part of an object that stands in the scene, and places the cues of who opens it; gives the hand cue."""
+    """Animates the part of an object that is in the scene, and places the cues of who opens it; gives the hand cue."""
     part = bpy.data.objects[opening.part]
     first = SEATED if opening.seated else STANDING
     _animate(scene, part, opening, first)

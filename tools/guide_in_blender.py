@@ -1,12 +1,13 @@
 """What runs inside the real Blender for the guide's pictures: brings the window into the state that a picture shows.
 
-`blender -b -P guide_in_blender.py -- example NAME FILE.blend` makes one of the guide's scenes, `-- walk FILE.bvh` writes
-a capture of the starter library's; with a window and the name of a picture it sets that up, and says in READY that it
-can be taken. Everything is done by the buttons' own operators.
+`blender -b -P guide_in_blender.py -- example NAME FILE.blend` makes one of the guide's scenes, `-- walk FILE.bvh`
+writes a capture of the starter library's; with a window and the name of a picture it sets that up, and says in READY
+that it can be taken. Everything is done by the buttons' own operators.
 """
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import math
 import sys
@@ -110,6 +111,19 @@ def look(at, away: float, down: float, turned: float) -> None:
     view.view_location, view.view_distance = Vector(at), away
 
 
+def without_walls() -> None:
+    """Hides the walls, of which one stands before the view."""
+    for thing in bpy.context.view_layer.objects:
+        thing.hide_set(thing.hide_get() or thing.name.startswith("Wall"))
+
+
+def scroll(pixels: int) -> Steps:
+    """Shows what lies farther down in the sidebar, once that is drawn."""
+    yield SETTLES
+    with over_view("UI"):
+        bpy.ops.view2d.pan(deltax=0, deltay=-pixels)
+
+
 def select(*names: str) -> None:
     for thing in bpy.context.view_layer.objects:
         thing.select_set(thing.name in names)
@@ -147,6 +161,7 @@ def first_shot_takes() -> Steps:
     show("Takes")
     look((3.0, 3.4, 0.6), 4.6, 18, 24)
     press("variations", count=3)
+    without_walls()
     bpy.context.scene.frame_set(bpy.context.scene.frame_end)
     select()
     yield SETTLES
@@ -167,6 +182,7 @@ def seats_face() -> Steps:
     seat.select = True
     bmesh.update_edit_mesh(bpy.context.object.data)
     press("sit_on_selection")
+    without_walls()
     yield SETTLES
 
 
@@ -188,15 +204,15 @@ def several_cues_list() -> Steps:
 
 def own_rig_bones() -> Steps:
     show("Settings", "oncue_bones")
-    look((0.5, -0.7, 0.7), 4.6, 14, 30)
-    bpy.context.scene.frame_set(60)
+    look((0.4, -0.2, 0.7), 3.9, 16, 34)
+    bpy.context.scene.frame_set(bpy.context.scene.frame_end)
     select(bpy.context.scene.oncue.character.name)
     yield SETTLES
 
 
 def hands_and_doors_cue() -> Steps:
     show("Cues", "oncue_limbs", "Result")
-    look((-0.15, -0.3, 0.9), 3.9, 16, 58)
+    look((0.1, -0.4, 0.85), 3.9, 20, -52)
     bpy.context.scene.frame_set(121)
     select("Right Hand")
     yield SETTLES
@@ -229,7 +245,7 @@ def _select_bone(character: bpy.types.Object, name: str) -> None:
 
 
 def captures_list() -> Steps:
-    show("Motion Library")
+    show("Motion Library", "oncue_captures")
     look((3.0, 2.3, 0.4), 8.5, 58, 12)
     press("add_library", directory=f"{FOLDER}/captures", folder=True)
     press("read_library")
@@ -243,7 +259,7 @@ def troubleshooting_scale() -> Steps:
         thing.location *= 100.0
         if thing.type == "MESH":
             thing.scale *= 100.0
-    look((280, 230, 40), 900, 42, 12)
+    look((300, 230, 40), 850, 58, 12)
     area("VIEW_3D").spaces.active.clip_end = 10_000.0
     press("synthesize")
     select()
@@ -274,6 +290,10 @@ PICTURES: dict[str, Callable[[], Steps]] = {
 }
 
 
+#: How far down the sidebar is scrolled, pixels, where what is shown lies below others.
+SCROLLED = {"own-rig-bones": 420, "settings-panel": 120}
+
+
 def set_up(name: str) -> None:
     """Goes through a picture's steps by a timer, since the window draws between two of its ticks only."""
 
@@ -283,12 +303,12 @@ def set_up(name: str) -> None:
         yield from PICTURES[name]()
         sidebar = region("UI")
         while sidebar.active_panel_category != "Oncue":
-            try:
+            # The tabs are there once the sidebar was drawn.
+            with contextlib.suppress(TypeError):
                 sidebar.active_panel_category = "Oncue"
-            except TypeError:  # the tabs are there once the sidebar was drawn
-                pass
             area("VIEW_3D").tag_redraw()
             yield SETTLES
+        yield from scroll(SCROLLED.get(name, 0))
         yield SETTLES
         READY.write_text(name)
 

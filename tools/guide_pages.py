@@ -21,14 +21,14 @@ FIRST, INDEX = "README.md", "index.html"
 BESIDE = ("captures.md", "manifold.md", "report.md")
 STYLE = """
 body { font: 16px/1.5 sans-serif; max-width: 46em; margin: 2em auto; padding: 0 1em; }
-img { max-width: 100%; } code { background: #eee; padding: 0 .2em; } pre { background: #eee; padding: .6em; overflow: auto; }
-pre code { padding: 0; } blockquote { border-left: 4px solid #c33; margin: 1.2em 0 0; padding: .2em .8em; background: #fbeeee; }
+img { max-width: 100%; } code { background: #eee; padding: 0 .2em; }
+pre { background: #eee; padding: .6em; overflow: auto; } pre code { padding: 0; }
 table { border-collapse: collapse; } td, th { border: 1px solid #ccc; padding: .2em .5em; text-align: left; }
 nav { font-size: 14px; }
 """
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
 #: How a line begins that is no running text.
-SPECIAL = re.compile(r"#{1,4} |```|\||> |- |\d+\. |!\[")
+SPECIAL = re.compile(r"#{1,4} |```|\||- |\d+\. |!\[")
 
 
 def page_of(target: str, source: Path) -> str:
@@ -110,12 +110,6 @@ def body_of(text: str, source: Path) -> str:
             # The second row is the rule under the first.
             cells = ["".join(row) for row in (rows[0], *rows[2:])]
             out.append("<table>" + "".join(f"<tr>{row}</tr>" for row in cells) + "</table>")
-        elif line.startswith("> "):
-            quoted = [line[2:]]
-            while k < len(lines) and lines[k].startswith("> "):
-                quoted.append(lines[k][2:])
-                k += 1
-            out.append(f"<blockquote>{inline(' '.join(quoted), source)}</blockquote>")
         elif item := re.match(r"(- |\d+\. )(.*)", line):
             kind = "ul" if item[1] == "- " else "ol"
             items = [gathered(item[2])]
@@ -123,8 +117,8 @@ def body_of(text: str, source: Path) -> str:
                 k += 1
                 items.append(gathered(more[2]))
             out.append(f"<{kind}>" + "".join(f"<li>{one}</li>" for one in items) + f"</{kind}>")
-        elif line.startswith(" "):
-            raise SystemExit(f"{source.name}: what begins with a space is not understood: {line!r}")
+        elif line.startswith((" ", ">")):
+            raise SystemExit(f"{source.name}: this line is not understood: {line!r}")
         else:
             out.append(f"<p>{gathered(line)}</p>")
     return "\n".join(out)
@@ -136,7 +130,8 @@ def document(source: Path) -> str:
     title = text.partition("\n")[0].lstrip("# ")
     nav = f'<nav><a href="{INDEX}">Guide</a> · <a href="../manual.html">every button and setting</a></nav>'
     head = f'<meta charset="utf-8">\n<title>Oncue: {html.escape(title)}</title>\n<style>{STYLE}</style>'
-    return f'<!DOCTYPE html>\n<html lang="en">\n<head>\n{head}\n</head>\n<body>\n{nav}\n{body_of(text, source)}\n</body>\n</html>\n'
+    body = f"{nav}\n{body_of(text, source)}"
+    return f'<!DOCTYPE html>\n<html lang="en">\n<head>\n{head}\n</head>\n<body>\n{body}\n</body>\n</html>\n'
 
 
 def write_pages(folder: Path) -> list[Path]:

@@ -1,8 +1,8 @@
 """The pictures of docs/guide, made in the real program: its window on an X server without a screen, at the buttons.
 
 `python3 -m nox -s guide` makes all; `-- --only seats-edge` some of them. The scenes are those of `nox -s examples`.
-What a window adds nothing to is drawn by `blend_fixtures/render.py`. Needs ONCUE_EXTENSION (the extension's archive) and
-root, for a Debian with Blender; see tests/window/blender_root.py.
+What a window adds nothing to is drawn by `blend_fixtures/render.py`. Needs ONCUE_EXTENSION (the extension's archive)
+and root, for a Debian with Blender; see tests/window/blender_root.py.
 """
 
 from __future__ import annotations
@@ -26,7 +26,6 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from tests.window.blender_root import Unavailable, blender_root  # noqa: E402
-from tools.motion_sheets import save_sheet  # noqa: E402
 
 PICTURES = ROOT / "docs" / "guide" / "pictures"
 WIDTH, HEIGHT, DISPLAY = 1120, 740, ":78"
@@ -36,10 +35,10 @@ INSIDE = "/tmp/oncue-guide"
 WRITTEN = (0, 3)
 #: Seconds until a window shows what it is to show.
 PATIENCE = 300.0
-#: Colours of a picture: cues are small, and theirs are to be seen.
-COLOURS = 256
+#: Colours of a picture, fewer where it would be too large, and the most that it may take, bytes.
+COLOURS, PICTURE_BYTES = (256, 192, 128, 96), 150_000
 #: How wide drawn pictures are, pixels.
-DRAWN_WIDTH = 960
+DRAWN_WIDTH = 840
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,6 @@ WINDOWS = (
 #: Those that are drawn: the way on the floor, and the person at several moments.
 DRAWN = (
     Shot("several-cues-way", "several-cues", solved=True),
-    Shot("own-rig-way", "own-rig", solved=True),
     Shot("hands-and-doors-way", "hands-and-doors", solved=True),
 )
 #: The same scene by other seeds, beside each other.
@@ -79,11 +77,11 @@ SEEDS, SEEDS_SCENE, SEEDS_PICTURE = (1, 2, 3), "seats", "batch-seeds"
 class Program:
     """The real Blender within the Debian, and the files that it works on."""
 
-    def __init__(self, root: Path, archive: Path) -> None:
+    def __init__(self, root: Path, archive: Path, *, go_on: bool) -> None:
         self._root = root
         self.folder = root / INSIDE.lstrip("/")
-        shutil.rmtree(self.folder, ignore_errors=True)
-        (self.folder / "captures").mkdir(parents=True)
+        shutil.rmtree(self.folder / "sources" if go_on else self.folder, ignore_errors=True)
+        (self.folder / "captures").mkdir(parents=True, exist_ok=True)
         for folder in ("addon", "blend_fixtures", "tools"):
             ignored = shutil.ignore_patterns("__pycache__")
             shutil.copytree(ROOT / folder, self.folder / "sources" / folder, ignore=ignored)
@@ -100,6 +98,11 @@ class Program:
         done = subprocess.run(self.command(*words), capture_output=True, text=True, check=False)
         if done.returncode not in allowed:
             raise SystemExit(f"{' '.join(words)}\n{(done.stdout + done.stderr)[-3000:]}")
+
+    def script(self, *words: str) -> None:
+        """Has guide_in_blender.py make something without a window."""
+        command = ["-b", "--python-exit-code", "1", "-P", f"{INSIDE}/sources/tools/guide_in_blender.py", "--"]
+        self.do("blender", *command, *words)
 
     @contextmanager
     def started(self, *words: str) -> Iterator[subprocess.Popen]:
@@ -119,8 +122,7 @@ class Program:
         """The example, made here: a newer Blender's file is not opened by this one."""
         made = self.folder / f"{name}.blend"
         if not made.exists():
-            script = ["-P", f"{INSIDE}/sources/tools/guide_in_blender.py"]
-            self.do("blender", "-b", "--python-exit-code", "1", *script, "--", "example", name, f"{INSIDE}/{name}.blend")
+            self.script("example", name, f"{INSIDE}/{name}.blend")
         return f"{INSIDE}/{name}.blend"
 
     def motion(self, name: str, seed: int = 1) -> str:
@@ -137,8 +139,7 @@ class Program:
 
     def capture_walk(self) -> None:
         """A folder with a capture, and with a file that is none."""
-        script = ["-P", f"{INSIDE}/sources/tools/guide_in_blender.py"]
-        self.do("blender", "-b", "--python-exit-code", "1", *script, "--", "walk", f"{INSIDE}/captures/walk.bvh")
+        self.script("walk", f"{INSIDE}/captures/walk.bvh")
         (self.folder / "captures" / "empty.bvh").write_text("")
 
     def photograph(self, shot: Shot) -> Path:
@@ -170,6 +171,17 @@ def drawn(python: str, blend: Path, out: Path) -> None:
         raise SystemExit((done.stdout + done.stderr)[-2000:])
 
 
+def save_indexed(picture: Path, out: Path) -> None:
+    """As an indexed PNG whose colours are those that are farthest apart: cues are small, and theirs are to be seen."""
+    image = Image.open(picture).convert("RGB")
+    for colours in COLOURS:
+        indexed = image.quantize(colours, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        indexed.save(out, optimize=True)
+        if out.stat().st_size <= PICTURE_BYTES:
+            return
+    raise SystemExit(f"{out.name} takes {out.stat().st_size} bytes, more than {PICTURE_BYTES}.")
+
+
 def smaller(picture: Path, width: int) -> Image.Image:
     image = Image.open(picture).convert("RGB")
     return image.resize((width, round(image.height * width / image.width)), Image.Resampling.LANCZOS)
@@ -189,19 +201,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="guide_pictures", description=__doc__.splitlines()[0])
     parser.add_argument("--python", required=True, help="a Python with bpy, which draws")
     parser.add_argument("--only", nargs="+", choices=names, help="these pictures alone")
+    parser.add_argument("--go-on", action="store_true", help="with the motions that an earlier run has made")
     options = parser.parse_args()
     wanted, archive = options.only or names, os.environ.get("ONCUE_EXTENSION")
     if not archive:
         raise SystemExit("ONCUE_EXTENSION does not name the extension's archive.")
     try:
-        program = Program(blender_root(), Path(archive))
+        program = Program(blender_root(), Path(archive), go_on=options.go_on)
     except Unavailable as reason:
         raise SystemExit(f"There is no real Blender here: {reason}.") from reason
     PICTURES.mkdir(parents=True, exist_ok=True)
 
     def keep(picture: Path, name: str) -> None:
         out = PICTURES / f"{name}.png"
-        save_sheet(picture, out, COLOURS)
+        save_indexed(picture, out)
         print(f"{out.name}: {out.stat().st_size / 1e3:.0f} kB", flush=True)
 
     shots = [shot for shot in WINDOWS if shot.name in wanted]

@@ -78,9 +78,9 @@ class Studio:
             raise SystemExit((done.stdout + done.stderr)[-2000:])
 
 
-def save_sheet(drawn: Path, out: Path, colours: int = COLOURS) -> None:
+def save_sheet(drawn: Path, out: Path) -> None:
     """As an indexed PNG, of fewer colours where it would be too large."""
-    picture = Image.open(drawn).convert("RGB")
+    picture, colours = Image.open(drawn).convert("RGB"), COLOURS
     while colours >= 8:
         indexed = picture.quantize(colours, dither=Image.Dither.NONE)
         indexed.save(out, optimize=True)
