@@ -169,8 +169,8 @@ def first_shot_takes() -> Steps:
 
 def seats_face() -> Steps:
     show("Cues")
-    look((1.3, 2.2, 0.4), 4.2, 30, 26)
-    select("Bench")
+    look((1.15, 4.0, 0.55), 3.2, 26, 30)
+    select("Chair")
     with over_view():
         bpy.ops.object.mode_set(mode="EDIT")
         bpy.ops.mesh.select_mode(type="FACE")
@@ -178,7 +178,7 @@ def seats_face() -> Steps:
     import bmesh
 
     mesh = bmesh.from_edit_mesh(bpy.context.object.data)
-    seat = max(mesh.faces, key=lambda face: (round(face.calc_center_median().z, 3), face.calc_area()))
+    seat = max((face for face in mesh.faces if face.normal.z > 0.99), key=lambda face: face.calc_area())
     seat.select = True
     bmesh.update_edit_mesh(bpy.context.object.data)
     press("sit_on_selection")
