@@ -199,7 +199,8 @@ def fits():
         # Blender's side knows the object of a place that the core names by its numbers.
         sentence = re.sub(r"deep in ‘[^’]+’", "deep in what stands at 0.00, 0.00, 0.00", sentence)
         # Who it is said of comes before what is said of the character's state.
-        whole = [sentence, sentence.rstrip("."), re.sub(r"^\S+ ", "", sentence).rstrip(".")]
+        rest = re.sub(r"^\S+ ", "", sentence)
+        whole = [sentence, sentence.rstrip("."), rest, rest.rstrip(".")]
         for template, pattern in patterns:
             said = len(template.replace("{}", ""))
             if any(pattern.fullmatch(one) for one in whole) and said >= min(len(sentence) / 3, SAYS_MUCH):
