@@ -35,7 +35,8 @@ INSIDE = "/tmp/oncue-guide"
 WRITTEN = (0, 3)
 #: Seconds until a window shows what it is to show.
 PATIENCE = 300.0
-#: Colours of a picture, fewer where it would be too large, and the most that it may take, bytes.
+#: Colours of a picture, fewer where it would be too large, and the most that it may take, bytes. A quarter of them are
+#: those that are farthest apart: cues are small, and theirs are to be seen.
 COLOURS, PICTURE_BYTES = (256, 192, 128, 96), 150_000
 #: How wide drawn pictures are, pixels.
 DRAWN_WIDTH = 840
@@ -172,11 +173,14 @@ def drawn(python: str, blend: Path, out: Path) -> None:
 
 
 def save_indexed(picture: Path, out: Path) -> None:
-    """As an indexed PNG whose colours are those that are farthest apart: cues are small, and theirs are to be seen."""
+    """As an indexed PNG."""
     image = Image.open(picture).convert("RGB")
     for colours in COLOURS:
-        indexed = image.quantize(colours, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-        indexed.save(out, optimize=True)
+        usual = image.quantize(colours - colours // 4, method=Image.Quantize.MEDIANCUT)
+        apart = image.quantize(colours // 4, method=Image.Quantize.MAXCOVERAGE)
+        palette = Image.new("P", (1, 1))
+        palette.putpalette([*(usual.getpalette() or []), *(apart.getpalette() or [])])
+        image.quantize(palette=palette, dither=Image.Dither.NONE).save(out, optimize=True)
         if out.stat().st_size <= PICTURE_BYTES:
             return
     raise SystemExit(f"{out.name} takes {out.stat().st_size} bytes, more than {PICTURE_BYTES}.")
