@@ -71,8 +71,9 @@ DRAWN = (
     Shot("several-cues-way", "several-cues", solved=True),
     Shot("hands-and-doors-way", "hands-and-doors", solved=True),
 )
-#: The same scene by other seeds, beside each other.
+#: The same scene by other seeds, one below the other: of each how the person sits down, in cells of a strip.
 SEEDS, SEEDS_SCENE, SEEDS_PICTURE = (1, 2, 3), "seats", "batch-seeds"
+SEEDS_CELLS, CELL = 6, (160, 250)
 
 
 class Program:
@@ -164,9 +165,9 @@ class Program:
         return taken
 
 
-def drawn(python: str, blend: Path, out: Path) -> None:
-    """The picture of a motion, drawn by Blender's module."""
-    command = [python, "blend_fixtures/render.py", str(blend), "--picture", str(out)]
+def drawn(python: str, blend: Path, *words: str) -> None:
+    """What render.py draws of a motion, by Blender's module."""
+    command = [python, "blend_fixtures/render.py", str(blend), *words]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     if done.returncode:
         raise SystemExit((done.stdout + done.stderr)[-2000:])
@@ -191,12 +192,18 @@ def smaller(picture: Path, width: int) -> Image.Image:
     return image.resize((width, round(image.height * width / image.width)), Image.Resampling.LANCZOS)
 
 
-def beside(pictures: list[Image.Image]) -> Image.Image:
-    made = Image.new("RGB", (sum(p.width for p in pictures), pictures[0].height))
-    x = 0
+def last_cells(strip: Path) -> Image.Image:
+    """The last pictures of a strip."""
+    image = Image.open(strip).convert("RGB")
+    return image.crop((image.width - SEEDS_CELLS * CELL[0], image.height - CELL[1], image.width, image.height))
+
+
+def below(pictures: list[Image.Image]) -> Image.Image:
+    made = Image.new("RGB", (pictures[0].width, sum(picture.height for picture in pictures)))
+    y = 0
     for picture in pictures:
-        made.paste(picture, (x, 0))
-        x += picture.width
+        made.paste(picture, (0, y))
+        y += picture.height
     return made
 
 
@@ -231,15 +238,16 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         picture, smallish = Path(folder) / "drawn.png", Path(folder) / "small.png"
         for shot in [shot for shot in DRAWN if shot.name in wanted]:
-            drawn(options.python, program.folder / Path(program.motion(shot.scene)).name, picture)
+            drawn(options.python, program.folder / Path(program.motion(shot.scene)).name, "--picture", str(picture))
             smaller(picture, DRAWN_WIDTH).save(smallish)
             keep(smallish, shot.name)
         if SEEDS_PICTURE in wanted:
             parts = []
             for seed in SEEDS:
-                drawn(options.python, program.folder / Path(program.motion(SEEDS_SCENE, seed)).name, picture)
-                parts.append(smaller(picture, DRAWN_WIDTH // len(SEEDS)))
-            beside(parts).save(smallish)
+                blend = program.folder / Path(program.motion(SEEDS_SCENE, seed)).name
+                drawn(options.python, blend, "--strip", str(picture), "--moment", "seat")
+                parts.append(last_cells(picture))
+            below(parts).save(smallish)
             keep(smallish, SEEDS_PICTURE)
 
 
