@@ -198,6 +198,12 @@ def build_extension(session: nox.Session, wheel: Path) -> Path:
     return archive
 
 
+def of_the_window(archive: Path) -> dict[str, str]:
+    """What those who start the real program go by: the extension's archive, and the Debian that it is in."""
+    root = os.environ.get("ONCUE_WINDOW_ROOT", str(ENVIRONMENTS / "debian-13-blender"))
+    return {"ONCUE_EXTENSION": str(archive), "ONCUE_WINDOW_ROOT": root}
+
+
 def with_wheel(manifest: str, wheel: Path) -> str:
     """The manifest naming `wheel`, its platform and its version."""
     platforms = {"linux.*_x86_64": "linux-x64", "macosx.*_arm64": "macos-arm64", "macosx.*_x86_64": "macos-x64"}
@@ -364,12 +370,6 @@ def window(session: nox.Session) -> None:
     archive = build_extension(session, build_wheel(session))
     python = blender_environment(session, blenders(session)[-1])
     session.run(*[str(python), "-m", "pytest", "tests/window", *session.posargs], env=of_the_window(archive))
-
-
-def of_the_window(archive: Path) -> dict[str, str]:
-    """What those who start the real program go by: the extension's archive, and the Debian that it is in."""
-    root = os.environ.get("ONCUE_WINDOW_ROOT", str(ENVIRONMENTS / "debian-13-blender"))
-    return {"ONCUE_EXTENSION": str(archive), "ONCUE_WINDOW_ROOT": root}
 
 
 @nox.session
