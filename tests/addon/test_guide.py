@@ -1,6 +1,7 @@
 """The guide from within Blender: its button, and the scenes that it speaks of."""
 
 import importlib
+import math
 import types
 from pathlib import Path
 from unittest.mock import MagicMock
@@ -85,6 +86,24 @@ def test_an_example_is_ready(examples, oncue, core, name):
 
 def test_there_is_an_example_for_each_name(examples):
     assert set(examples) == set(EXAMPLES)
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.6])
+@pytest.mark.parametrize("by", ["object", "face"])
+def test_who_sits_on_the_bench_faces_across_it(examples, core, turned, by):
+    examples["seats"]()
+    bench = bpy.data.objects["Bench"]
+    bench.rotation_euler.z = turned
+    for thing in bpy.context.view_layer.objects:
+        thing.select_set(thing == bench)
+    bpy.context.view_layer.objects.active = bench
+    if by == "face":
+        top = max(bench.data.polygons, key=lambda face: (round(face.normal.z, 3), face.area))
+        bench.data.polygons.foreach_set("select", [face == top for face in bench.data.polygons])
+        bpy.ops.object.mode_set(mode="EDIT")
+    assert bpy.ops.oncue.sit_on_selection() == {"FINISHED"}
+    off = (bpy.data.objects["Sit"].rotation_euler.z - turned) % math.pi
+    assert min(off, math.pi - off) < 1e-3
 
 
 def test_the_example_of_an_own_rig_acts_as_it_is(examples, oncue, core):
