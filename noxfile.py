@@ -181,6 +181,7 @@ def build_extension(session: nox.Session, wheel: Path) -> Path:
     # Sentences about captures name it.
     (staging / "docs").mkdir()
     shutil.copy2(ROOT / "docs" / "captures.md", staging / "docs")
+    session.run(sys.executable, "tools/guide_pages.py", str(staging / "guide"), silent=True)
     (staging / "wheels").mkdir()
     shutil.copy2(wheel, staging / "wheels")
     manifest = staging / "blender_manifest.toml"
@@ -195,6 +196,12 @@ def build_extension(session: nox.Session, wheel: Path) -> Path:
         if digest(zipped.read(inside)) != digest(wheel.read_bytes()):
             session.error(f"{inside} in {archive.name} is not the wheel that was built.")
     return archive
+
+
+def of_the_window(archive: Path) -> dict[str, str]:
+    """What those who start the real program go by: the extension's archive, and the Debian that it is in."""
+    root = os.environ.get("ONCUE_WINDOW_ROOT", str(ENVIRONMENTS / "debian-13-blender"))
+    return {"ONCUE_EXTENSION": str(archive), "ONCUE_WINDOW_ROOT": root}
 
 
 def with_wheel(manifest: str, wheel: Path) -> str:
@@ -351,15 +358,29 @@ def fixtures(session: nox.Session) -> None:
 
 
 @nox.session
+def examples(session: nox.Session) -> None:
+    """The scenes that docs/guide speaks of, each ready for Synthesize, into out/examples; `-- --only seats` for one."""
+    python = blender_environment(session, blenders(session)[-1])
+    session.run(str(python), "blend_fixtures/examples.py", "--out", str(OUT / "examples"), *session.posargs)
+
+
+@nox.session
 def window(session: nox.Session) -> None:
     """The button, pressed with the mouse in the real program, put into `.nox/debian-13-blender` (needs root)."""
     archive = build_extension(session, build_wheel(session))
     python = blender_environment(session, blenders(session)[-1])
-    root = os.environ.get("ONCUE_WINDOW_ROOT", str(ENVIRONMENTS / "debian-13-blender"))
-    session.run(
-        *[str(python), "-m", "pytest", "tests/window", *session.posargs],
-        env={"ONCUE_EXTENSION": str(archive), "ONCUE_WINDOW_ROOT": root},
-    )
+    session.run(*[str(python), "-m", "pytest", "tests/window", *session.posargs], env=of_the_window(archive))
+
+
+@nox.session
+def guide(session: nox.Session) -> None:
+    """The pictures of docs/guide, made in the real program (needs root); `-- --only seats-edge` for some of them."""
+    wheel = build_wheel(session)
+    archive = build_extension(session, wheel)
+    python = blender_environment(session, blenders(session)[-1], wheel)
+    tools = environment(session, "tools", ["pillow"])
+    command = [str(tools), "tools/guide_pictures.py", "--python", str(python), *session.posargs]
+    session.run(*command, env=of_the_window(archive))
 
 
 @nox.session

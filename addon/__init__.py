@@ -10,6 +10,7 @@ from .operators import (
     edit,
     follow,
     go_to_frame,
+    guide,
     library,
     manifold,
     menus,
@@ -25,7 +26,7 @@ from .operators import (
 MODULES = (
     *(properties, preferences, job_operator),
     *(synthesize, follow, library, manifold, place_cues, scene_setup, own_rig, edit, policies, go_to_frame, takes),
-    *(menus, panels, overlay, manual, translations),
+    *(guide, menus, panels, overlay, manual, translations),
 )
 
 _registered: list[ModuleType] = []

@@ -34,11 +34,18 @@ class OncuePanel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Oncue"
+    #: The page of the guide that tells of the panel.
+    guide = ""
+
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
+        if self.guide:
+            self.layout.operator("oncue.open_guide", text="", icon="HELP", emboss=False).page = self.guide
 
 
 class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
     bl_label = "Cues"
     bl_order = 0
+    guide = "first-shot"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -99,6 +106,7 @@ def _draw_step(row: bpy.types.UILayout, cue: bpy.types.Object, played: list, fra
 class ONCUE_PT_library(OncuePanel, bpy.types.Panel):
     bl_label = "Motion Library"
     bl_order = 1
+    guide = "captures"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oncue
@@ -167,6 +175,7 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
     bl_label = "Settings"
     bl_order = 2
     bl_options = {"DEFAULT_CLOSED"}
+    guide = "settings"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oncue
@@ -262,6 +271,7 @@ class ONCUE_PT_takes(OncuePanel, bpy.types.Panel):
     bl_label = "Takes"
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
+    guide = "first-shot"
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.oncue
@@ -302,6 +312,7 @@ def take_line(report: dict | None) -> tuple[str, str]:
 class ONCUE_PT_results(OncuePanel, bpy.types.Panel):
     bl_label = "Result"
     bl_order = 6
+    guide = "troubleshooting"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -334,6 +345,7 @@ class ONCUE_PT_messages(OncuePanel, bpy.types.Panel):
 
     bl_label = "Messages"
     bl_order = 7
+    guide = "troubleshooting"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -374,6 +386,7 @@ def _draw_way_out(layout: bpy.types.UILayout, error: BaseException | None) -> No
 class ONCUE_PT_edit(OncuePanel, bpy.types.Panel):
     bl_label = "Edit"
     bl_order = 4
+    guide = "editing-keys"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -68,6 +68,7 @@ class OncuePreferences(bpy.types.AddonPreferences):
             row.operator("oncue.clear_policies", text="", icon="X").file = entry.path.name
         if entries:
             layout.operator("oncue.clear_policies", icon="TRASH")
+        layout.operator("oncue.open_guide", icon="HELP")
         layout.label(
             text=native.MISSING or f"Core {native.core.__version__}", icon="ERROR" if native.MISSING else "CHECKMARK"
         )

@@ -30,6 +30,11 @@ def object_task(scene: bpy.types.Scene, glb: Path, opening: Opening) -> bpy.type
         f.table(scene, (*TABLE_PLACE, 0), TABLE_SIZE, TABLE, "Table")
     bpy.data.objects[opening.object].location.z += opening.lift
     bpy.context.view_layer.update()
+    return opened_by_hand(scene, opening)
+
+
+def opened_by_hand(scene: bpy.types.Scene, opening: Opening) -> bpy.types.Object:
+    """Animates the part of an object that is in the scene, and places the cues of who opens it; gives the hand cue."""
     part = bpy.data.objects[opening.part]
     first = SEATED if opening.seated else STANDING
     _animate(scene, part, opening, first)

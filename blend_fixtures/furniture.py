@@ -89,24 +89,25 @@ class Piece:
         self.mesh.to_mesh(data)
         self.mesh.free()
         for color in self.colors:
-            data.materials.append(_material(color))
+            data.materials.append(material(color))
         made = bpy.data.objects.new(self.name, data)
         made.matrix_world = self.place
         scene.collection.objects.link(made)
         return made
 
 
-def _material(color: str) -> bpy.types.Material:
-    material = bpy.data.materials.get(color)
-    if material is None:
-        material = bpy.data.materials.new(color)
-        if material.node_tree is None:  # before Blender 5.0
-            material.use_nodes = True
-        shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+def material(color: str) -> bpy.types.Material:
+    """The material of a colour of COLORS, one for all pieces of a file."""
+    made = bpy.data.materials.get(color)
+    if made is None:
+        made = bpy.data.materials.new(color)
+        if made.node_tree is None:  # before Blender 5.0
+            made.use_nodes = True
+        shader = next(node for node in made.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
         shader.inputs["Base Color"].default_value = (*COLORS[color], 1.0)
         shader.inputs["Roughness"].default_value = 0.7
-        material.diffuse_color = (*COLORS[color], 1.0)
-    return material
+        made.diffuse_color = (*COLORS[color], 1.0)
+    return made
 
 
 # --- rooms -----------------------------------------------------------------------------------------------------------
@@ -179,6 +180,17 @@ def bench(scene, at, width: float = 1.4, seat: float = 0.45, name: str = "Bench"
     for x in (-half + 0.1, half - 0.1):
         piece.leg(x, -0.13, seat - 0.05, "walnut", 0.025).leg(x, 0.13, seat - 0.05, "walnut", 0.025)
     return piece.link(scene)
+
+
+def bed(scene, at, yaw: float, name: str = "Bed") -> bpy.types.Object:
+    """A bed 1.6 m wide and 2.0 m long, its mattress 0.50 m high, the headboard behind."""
+    piece = Piece(name, at, yaw).box((-0.82, -1.0, 0.10), (0.82, 1.0, 0.30), "oak", 0.01)
+    piece.box((-0.80, -0.99, 0.30), (0.80, 0.99, 0.50), "paper", 0.05)
+    for x in (-0.42, 0.42):
+        piece.box((x - 0.33, 0.52, 0.50), (x + 0.33, 0.94, 0.60), "cushion", 0.045)
+    for x in (-0.74, 0.74):
+        piece.leg(x, -0.92, 0.11, "walnut", 0.03).leg(x, 0.92, 0.11, "walnut", 0.03)
+    return piece.box((-0.85, 1.0, 0.0), (0.85, 1.05, 1.05), "oak", 0.01).link(scene)
 
 
 def pouf(scene, at, name: str = "Pouf") -> bpy.types.Object:

@@ -61,9 +61,8 @@ def stop(x: float, y: float, heading_deg: float, **options) -> bpy.types.Object:
 # --- scenes ----------------------------------------------------------------------------------------------------------
 
 
-def demo_room() -> None:
-    """A living room of 5.6 × 4.6 m: from the door round the pouf and the low table, down on the sofa."""
-    scene = new_scene()
+def living_room(scene: bpy.types.Scene) -> None:
+    """A living room of 5.6 × 4.6 m, without cues."""
     f.floor(scene, (0, 0), (5.6, 4.6))
     f.walls(scene, (0, 0), (5.6, 4.6))
     f.rug(scene, (1.5, 1.9), (3.9, 3.5))
@@ -77,6 +76,11 @@ def demo_room() -> None:
     f.plant(scene, (5.15, 4.15, 0))
     f.lamp(scene, (3.95, 4.2, 0))
     f.stool(scene, (1.15, 4.15, 0), name="Side Stool")
+
+
+def demo_room() -> None:
+    """The living room: from the door round the pouf and the low table, down on the sofa."""
+    living_room(new_scene())
     start(0.75, 0.75, 80)
     sit(3.02, 3.98, 0.43, -90)
 

@@ -24,6 +24,8 @@ MODIFIED = 0.3
 DIRECTIONS, REACH = 24, 1.5
 #: Heights over the seat at which a back, an arm or a wall would be met, metres.
 FEELERS = (0.12, 0.25, 0.40)
+#: Who sits on a bench sits across it: where nothing else tells the front, metres of free view that this is worth.
+ACROSS = 0.05
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ def seat_of_selection(context: bpy.types.Context, metres_per_unit: float = 1.0) 
             center = _as_modified(context, shown, center, metres_per_unit)
     else:
         center, edge = _flattest_part(context, chair, metres_per_unit)
-    heading = _facing(context, center, edge, metres_per_unit)
+    heading = _facing(context, center, edge, metres_per_unit, ACROSS)
     pelvis = center + Vector((0.0, 0.0, PELVIS_OVER_SEAT / metres_per_unit))
     return Seat(pelvis, yaw_from_heading(heading))
 
@@ -102,7 +104,8 @@ def _as_modified(context: bpy.types.Context, chair: bpy.types.Object, place: Vec
 def _flattest_part(
     context: bpy.types.Context, chair: bpy.types.Object, metres_per_unit: float
 ) -> tuple[Vector, Vector]:
-    """Middle of the largest level patch at seat height, felt from above, and the object's own X direction."""
+    """Middle of the largest level patch at seat height, felt from above, and that of the object's own directions X and
+    Y along which the patch is longer."""
     evaluated = chair.evaluated_get(context.evaluated_depsgraph_get())
     corners = np.array([chair.matrix_world @ Vector(corner) for corner in evaluated.bound_box])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -133,7 +136,8 @@ def _flattest_part(
             np.median(patch[:, 2]),
         )
     )
-    return middle, chair.matrix_world.to_3x3() @ Vector((1.0, 0.0, 0.0))
+    axes = [chair.matrix_world.to_3x3() @ Vector(axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))]
+    return middle, max(axes, key=lambda axis: np.ptp(patch @ np.array(axis.normalized())))
 
 
 def _surfaces_below(evaluated, inverse, matrix, x: float, y: float, start: float, bottom: float):
@@ -152,16 +156,21 @@ def _surfaces_below(evaluated, inverse, matrix, x: float, y: float, start: float
         z = world.z - 1e-4
 
 
-def _facing(context: bpy.types.Context, seat: Vector, edge: Vector, metres_per_unit: float) -> float:
-    """Heading (radians from +X) away from the chair's back and towards free space, along the seat's edges if near."""
+def _facing(
+    context: bpy.types.Context, seat: Vector, edge: Vector, metres_per_unit: float, across: float = 0.0
+) -> float:
+    """Heading (radians from +X) away from the chair's back and towards free space, along the seat's edges if near.
+
+    `across`: what it is worth, metres of free view, to face across the edge.
+    """
     headings, furniture = np.arange(DIRECTIONS) * (math.tau / DIRECTIONS), Furniture(context)
     free = np.array([_free_distance(context, furniture, seat, heading, metres_per_unit) for heading in headings])
     behind = np.roll(free, DIRECTIONS // 2)
     # A wide free view in front, and something close behind to lean on.
     view = sum(np.roll(free, shift) for shift in (-2, -1, 0, 1, 2)) / 5
-    score = view + 0.8 * np.clip(0.7 - behind, 0.0, 0.7)
-    best = float(headings[int(np.argmax(score))])
     along = math.atan2(edge.y, edge.x)
+    score = view + 0.8 * np.clip(0.7 - behind, 0.0, 0.7) + across * np.abs(np.sin(headings - along))
+    best = float(headings[int(np.argmax(score))])
     snapped = min((along + k * math.pi / 2 for k in range(4)), key=lambda a: abs(math.remainder(a - best, math.tau)))
     return snapped if abs(math.remainder(snapped - best, math.tau)) < math.radians(25) else best
 

@@ -34,6 +34,10 @@ NO_LENGTH = 1e-6
 LEAST_OF_RUN = 0.5
 #: What moves the armature object, and with it the whole take.
 OBJECT_CHANNELS = ("location", "rotation_", "scale", "delta_")
+#: What a bone's channel is at rest, of those that Oncue does not key: Blender's key (I) sets them along with the turn.
+AT_REST = {"location": 0.0, "scale": 1.0}
+#: As far from that a channel is still at rest.
+NEARLY_AT_REST = 1e-6
 #: What a bone of an own rig turns (1 − |q · q'|), and its first one moves, scene units, by less has not changed.
 SAME_TURN, SAME_PLACE = 1e-9, 1e-6
 #: A foot is where the motion has it, but for this.
@@ -96,6 +100,8 @@ class Take:
         for curve in compat.action_curves(self.action, character):
             title = f"{curve.data_path}[{curve.array_index}] of {self.action.name}"
             if (curve.data_path, curve.array_index) not in own:
+                if curve.data_path.startswith(bones) and _stays_at_rest(curve):
+                    continue
                 if curve.data_path.startswith((*bones, *OBJECT_CHANNELS)):
                     raise SceneError(f"{title} is keyed, which Re-solve does not know of: delete that channel.")
                 continue
@@ -327,3 +333,11 @@ def _joined(pins: list[Pin]) -> list[Pin]:
         else:
             joined.append(pin)
     return joined
+
+
+def _stays_at_rest(curve: bpy.types.FCurve) -> bool:
+    """Whether a bone's curve plays nothing: all its keys, and their handles, are what the channel is at rest."""
+    rest = AT_REST.get(curve.data_path.rpartition(".")[2])
+    if rest is None or any(not modifier.mute for modifier in curve.modifiers):
+        return False
+    return bool((np.abs(read_places(curve)[:, 1::2] - rest) <= NEARLY_AT_REST).all())

@@ -51,6 +51,8 @@ class ONCUE_MT_motion(bpy.types.Menu):
         layout.operator("oncue.add_action", text="Add Action to Library")
         for name in ("read_library", "save_library", "train_manifold"):
             layout.operator(f"oncue.{name}")
+        layout.separator()
+        layout.operator("oncue.open_guide", icon="HELP")
 
 
 def _draw_cues(menu: bpy.types.Menu, _context: bpy.types.Context) -> None:

@@ -602,6 +602,23 @@ def test_what_resolve_cannot_respect_is_refused_before_it_touches_anything(oncue
     assert keys_of(oncue, action) == keys
 
 
+@pytest.mark.parametrize(("channel", "value"), [("location", (0, 0, 0)), ("scale", (1, 1, 1))])
+def test_a_key_of_all_channels_as_blender_sets_it_hinders_nothing(oncue, made, core, channel, value):  # noqa: F811
+    """I in pose mode keys place, turn and scale."""
+    character, action = made()
+    turn(character, "LeftArm", START + 20, 0.4)
+    bone = character.pose.bones["LeftArm"]
+    bone.keyframe_insert(channel, frame=START + 20)
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    assert [p.is_key for p in oncue("bridge.pins").read_pins(action)] == [True]
+    assert tuple(getattr(bone, channel)) == value
+    # One that plays something is no rest, were it between two keys alone.
+    curve_of(oncue, action, channel=channel).keyframe_points[0].handle_right.y += 0.1
+    turn(character, "LeftArm", START + 10, 0.2)
+    with pytest.raises(RuntimeError, match="which Re-solve does not know of"):
+        bpy.ops.oncue.resolve()
+
+
 def test_a_pin_past_the_motion_is_refused_though_the_artists_keys_go_on(oncue, made):  # noqa: F811
     character, _ = made()
     turn(character, "Head", START + FRAMES + 100, 0.4)
