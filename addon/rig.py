@@ -77,6 +77,8 @@ class Sole:
     low: float
     back: float
     front: float
+    #: How far forward what does not go with the toes reaches, as a hard shoe does.
+    stiff: float
 
 
 class Rig:
@@ -188,7 +190,7 @@ class Rig:
         lowest = min(float(ankle[2]), float(ahead @ self.axes[:, 2]))
         # A rig stands at its origin as a rule; one that does not has its toes a little over the floor.
         floor = 0.0 if -0.01 * leg < lowest < 0.14 * leg else lowest - 0.026 * leg
-        return Sole(floor, float(ankle[1]) + HEEL * leg, float(ankle[1]) - TIP * leg)
+        return Sole(floor, float(ankle[1]) + HEEL * leg, float(ankle[1]) - TIP * leg, float(ankle[1]))
 
     def _find_carrier(self) -> int:
         """The bone that carries the body about: the hips', or the first over it that is not fixed to its parent."""
@@ -282,8 +284,8 @@ class Rig:
         return float(np.linalg.norm(self._hip - self._need("LeftFoot")))
 
     def _foot(self, side: str) -> dict[str, Array]:
-        """Places of a foot at rest in the frame of its joint, which points straight forward: heel, ball on the floor
-        and the toe's joint from the ankle, the tip from the toe's joint; armature units."""
+        """Places of a foot at rest in the frame of its joint, which points straight forward: heel, ball on the floor,
+        the tip of a hard sole and the toe's joint from the ankle, the tip from the toe's joint; armature units."""
         turn, sole = self._heading(side), self._soles[side]
         ankle = self._need(f"{side}Foot") @ self.axes
         toe = self.head(f"{side}Toe")
@@ -296,8 +298,10 @@ class Rig:
         heel = np.array([0.0, max(sole.back - ankle[1], 0.0), sole.low - ankle[2]])
         tip = np.array([0.0, min(sole.front - ankle[1] - joint[1], 0.0), sole.low - ankle[2] - joint[2]])
         ball = np.array([joint[0], joint[1], sole.low - ankle[2]])
-        # Heel and tip lie on the foot's own line.
-        return {"heel": _forward(turn, heel), "ball": turn @ ball, "toe": turn @ joint, "tip": _forward(turn, tip)}
+        stiff = np.array([0.0, min(sole.stiff - ankle[1], joint[1]), sole.low - ankle[2]])
+        # Heel and tips lie on the foot's own line.
+        on_line = {"heel": _forward(turn, heel), "stiff": _forward(turn, stiff), "tip": _forward(turn, tip)}
+        return {**on_line, "ball": turn @ ball, "toe": turn @ joint}
 
     # --- the core's body on the rig -----------------------------------------------------------------------------------
 
@@ -491,10 +495,10 @@ class Rig:
         tip = places[:, self._joints[f"{side}Toe"]] + _turned(toe, end) * unit
         lowest = np.min([point @ up for point in (ball, heel, tip)], axis=0)
         own = self._feet[side]
-        of_foot = {name: _turned(foot, own[name]) for name in ("heel", "ball", "toe")}
+        of_foot = {name: _turned(foot, own[name]) for name in ("heel", "ball", "stiff", "toe")}
         # A foot without toes is one block.
         of_tip = of_foot["toe"] + _turned(toe if f"{side}Toe" in self._bone else foot, own["tip"])
-        under = np.min([point @ up for point in (of_foot["heel"], of_foot["ball"], of_tip)], axis=0)
+        under = np.min([point @ up for point in (*(of_foot[p] for p in ("heel", "ball", "stiff")), of_tip)], axis=0)
         level = ball - of_foot["ball"]
         placed: Array = level + (lowest - under - level @ up)[:, None] * up
         return placed

@@ -142,6 +142,72 @@ def test_a_rig_walks_and_sits_at_its_own_size(stage, oncue, own_rig, kind, heigh
     assert (np.array(lows)[-1].min() > 0.02) == (height < 1.3)
 
 
+def shoe(person, side, height, hang):
+    """A block as a foot's sole, `height` thick under it, on the foot as it stands."""
+    foot = person.pose.bones[f"foot_{side}"]
+    at = person.matrix_world @ foot.head
+    block = add_cube(f"Shoe {side}", location=(at.x, at.y - 0.07, -height / 2.0), scale=(0.1, 0.28, height))
+    bpy.context.view_layer.update()
+    stands = block.matrix_world.copy()
+    hang(block, person, foot.name)
+    bpy.context.view_layer.update()
+    block.matrix_world = stands
+    bpy.context.view_layer.update()
+    return block
+
+
+def by_bone(block, person, bone):
+    block.parent, block.parent_type, block.parent_bone = person, "BONE", bone
+
+
+def by_an_empty(block, person, bone):
+    block.parent = bpy.data.objects.new("Last", None)
+    bpy.context.scene.collection.objects.link(block.parent)
+    by_bone(block.parent, person, bone)
+
+
+def by_constraint(block, person, bone):
+    hung = block.constraints.new("CHILD_OF")
+    hung.target, hung.subtarget = person, bone
+    hung.inverse_matrix = (person.matrix_world @ person.pose.bones[bone].matrix).inverted()
+
+
+@pytest.mark.parametrize("hang", [by_bone, by_an_empty, by_constraint])
+def test_soles_are_those_of_shoes_that_hang_on_the_feet(context, own_rig, core, hang):
+    """Whatever the rig's pose is, and not of shoes that are hidden."""
+    person = make_person("unreal", 1.7)
+    skeleton = core.skeleton()
+    barefoot = own_rig.rig_of(person, skeleton)
+    shoes = [shoe(person, side, 0.04, hang) for side in "lr"]
+    for bone, angle in (("thigh_l", 0.6), ("calf_l", -0.9), ("foot_r", 0.3)):
+        person.pose.bones[bone].rotation_mode = "XYZ"
+        person.pose.bones[bone].rotation_euler.x = angle
+    context.view_layer.update()
+    shod = own_rig.rig_of(person, skeleton)
+    # As much taller as the soles are thick, in the measure of the legs; the core's are 0.973 m.
+    assert 0.973 * (shod.unit - barefoot.unit) == pytest.approx(0.04, abs=1e-3)
+    for thing in shoes:
+        thing.hide_set(True)
+    context.view_layer.update()
+    assert own_rig.rig_of(person, skeleton).unit == pytest.approx(barefoot.unit)
+
+
+def test_shoes_stand_on_the_floor(stage, oncue):
+    person = chosen(stage, make_person("unreal", 1.7))
+    shoes = [shoe(person, side, 0.04, by_bone) for side in "lr"]
+    person.location.z = 0.04
+    stage.view_layer.update()
+    bpy.ops.oncue.synthesize()
+    _, report = played(oncue, stage.scene)
+    assert report["success"], report["problems"]
+    lows = []
+    for frame in range(1, report["action_from"], 4):
+        stage.scene.frame_set(frame)
+        lows.append([corners(stage, thing)[:, 2].min() for thing in shoes])
+    assert np.array(lows).min() > -0.01
+    assert np.quantile(np.array(lows).min(axis=1), 0.9) < 0.004
+
+
 def test_a_smaller_body_walks_as_smaller_bodies_do(stage, oncue):
     """Speeds go with the square root of the legs, not with the legs (Froude)."""
     bpy.data.objects["Sit"]["oncue_cue"] = "stop"
