@@ -18,7 +18,7 @@ from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
 from .armature import rest_of, rest_rotations
-from .bones import clear_channel, leftovers
+from .bones import keyed_channels, put_to_rest
 from .curves import Keys, every_frame, fitted, write_keys
 from .names import REPORT_KEY
 from .scene_time import frame_rate
@@ -109,8 +109,8 @@ def write_action(
 
     Every frame is keyed, or with `tolerance_mm` as few as keep hands and feet that near to the motion; `contacts`
     (frames, 2) says where these stand. `space` is the way to the bones of another rig than Oncue's own skeleton.
-    Earlier actions stay in the file: each keeps a fake user. What they moved of the skeleton's bones and this one does
-    not goes back to rest.
+    Earlier actions stay in the file: each keeps a fake user. What they moved of the skeleton's bones, and of those
+    that shape it along with them, and this one does not goes back to rest.
     """
     space, sampled = _sampled(context, character, names, motion, metres_per_unit, space)
     names, channels = space.bones, Channels(*space.channels(sampled))
@@ -121,7 +121,7 @@ def write_action(
         planted = planted_frames(stands, motion.frame_rate, frame_rate(context.scene), len(sampled))
         few = fit(space.rest(), channels, planted, tolerance_mm)
         keys = _few(character, names, channels, few, start_frame)
-    curve_keys = list(keys)
+    curve_keys, before = list(keys), keyed_channels(character)
     _keep_previous(character)
     action = bpy.data.actions.new(name)
     action.use_fake_user = True
@@ -131,8 +131,7 @@ def write_action(
     if report is not None:
         action[REPORT_KEY] = json.dumps(report)
     compat.assign_action(character, action, curves)
-    for bone, channel, _ in list(leftovers([character.pose.bones[bone] for bone in names])):
-        clear_channel(bone, channel)
+    put_to_rest([character.pose.bones[bone] for bone in names], before)
     _show_frames(context.scene, action, start_frame, len(sampled))
     return action
 

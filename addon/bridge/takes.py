@@ -7,7 +7,7 @@ import bpy
 
 from ..errors import SceneError
 from . import compat
-from .bones import clear_channel, leftovers
+from .bones import keyed_channels, put_to_rest
 from .names import REPORT_KEY, TAKE_OF_KEY
 
 #: A strip of the NLA lies on a track of this name.
@@ -49,6 +49,7 @@ def play_take(character: bpy.types.Object, action: bpy.types.Action | None) -> N
             f"{character.name} has a strip open in tweak mode, in which it takes no other action: leave it (Tab in the "
             "NLA editor)."
         )
+    before = keyed_channels(character)
     if data.action is not None:
         data.action.use_fake_user = True
     data.action = action
@@ -60,14 +61,7 @@ def play_take(character: bpy.types.Object, action: bpy.types.Action | None) -> N
     }
     bones = [bone for bone in character.pose.bones if bone.name in names]
     if bones:
-        for bone, channel, _ in list(leftovers(bones)):
-            if not _is_keyed(action, character, bone, channel):
-                clear_channel(bone, channel)
-
-
-def _is_keyed(action: bpy.types.Action, character: bpy.types.Object, bone: bpy.types.PoseBone, channel: str) -> bool:
-    path = f"{bone.path_from_id()}.{'rotation_' if channel == 'rotation' else channel}"
-    return any(curve.data_path.startswith(path) for curve in compat.action_curves(action, character))
+        put_to_rest(bones, before)
 
 
 def discard_take(character: bpy.types.Object, action: bpy.types.Action) -> None:

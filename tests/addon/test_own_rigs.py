@@ -320,6 +320,88 @@ def test_a_hand_reaches_what_it_holds_on_a_body_of_other_arms(context, oncue, ow
         assert away == pytest.approx(0.0825 * report["extension"]["body"]["size"], abs=0.01)
 
 
+def posed_action(person, turns, name="Own"):
+    """An action of the artist's that turns bones by as much for good, and plays."""
+    for bone in turns:
+        person.pose.bones[bone].rotation_mode = "QUATERNION"
+        person.pose.bones[bone].rotation_quaternion = Quaternion((0.0, 1.0, 0.0), turns[bone])
+        person.pose.bones[bone].keyframe_insert("rotation_quaternion", frame=1)
+    person.animation_data.action.name = name
+    bpy.context.view_layer.update()
+    return person.animation_data.action
+
+
+def add_bone(person, name, parent, head, tail):
+    """A bone more, its ends in the armature's space."""
+    bpy.context.view_layer.objects.active = person
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = person.data.edit_bones.new(name)
+    bone.head, bone.tail, bone.parent = head, tail, person.data.edit_bones[parent]
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def angle_of(person, bone):
+    return 2.0 * math.acos(min(abs(person.pose.bones[bone].matrix_basis.to_quaternion().w), 1.0))
+
+
+def test_twists_of_an_earlier_action_go_back_to_rest_and_the_artists_own_bones_stay(stage, oncue):
+    person = make_person("unreal", 1.7)
+    hand, hips = person.data.bones["hand_l"], person.data.bones["pelvis"]
+    add_bone(person, "index_01_l", "hand_l", hand.tail_local, hand.tail_local + hand.vector)
+    add_bone(person, "sword_l", "lowerarm_l", hand.head_local + hips.vector, hand.head_local + 2.0 * hips.vector)
+    chosen(stage, person)
+    turns = {"upperarm_twist_01_l": 0.9, "thigh_twist_01_r": 0.7, "index_01_l": 0.5, "sword_l": 0.4}
+    own = posed_action(person, turns)
+    bpy.ops.oncue.synthesize()
+    action, report = played(oncue, stage.scene)
+    assert report["success"], report["problems"]
+    stage.scene.frame_set(40)
+    now = {bone: angle_of(person, bone) for bone in turns}
+    resting = {**turns, "upperarm_twist_01_l": 0.0, "thigh_twist_01_r": 0.0}
+    assert now == pytest.approx(resting, abs=1e-3)
+    # And so they do when the take is played again, and the action of the artist's plays as it was.
+    person.animation_data.action = own
+    stage.scene.frame_set(1)
+    assert angle_of(person, "thigh_twist_01_r") == pytest.approx(0.7, abs=1e-3)
+    assert bpy.ops.oncue.play_take(name=action.name) == {"FINISHED"}
+    stage.scene.frame_set(41)
+    assert {bone: angle_of(person, bone) for bone in turns} == pytest.approx(resting, abs=1e-3)
+
+
+def test_a_twist_that_was_posed_without_a_key_stays(stage, oncue):
+    person = chosen(stage, make_person("unreal", 1.7))
+    person.pose.bones["upperarm_twist_01_l"].rotation_quaternion = Quaternion((0.0, 1.0, 0.0), 0.6)
+    bpy.ops.oncue.synthesize()
+    assert angle_of(person, "upperarm_twist_01_l") == pytest.approx(0.6, abs=1e-3)
+
+
+def test_bones_between_those_of_the_motion_carry_it_at_rest(stage, oncue, own_rig):
+    """The halves of Daz's thighs carry the shins: turned by an earlier action, feet would stand elsewhere."""
+    person = chosen(stage, make_person("daz", 1.7))
+    turns = {"lThighTwist": 0.5, "pelvis": 0.3}
+    posed_action(person, turns)
+    bpy.ops.oncue.synthesize()
+    _, report = played(oncue, stage.scene)
+    assert report["success"], report["problems"]
+    mesh = skin_of(person)
+    feet = feet_of(person, mesh, own_rig)
+    lows = []
+    for frame in range(1, report["action_from"], 4):
+        stage.scene.frame_set(frame)
+        there = corners(stage, mesh)
+        lows.append(min(there[foot, 2].min() for foot in feet))
+    assert max(angle_of(person, bone) for bone in turns) < 1e-3
+    assert min(lows) > -0.01
+    assert np.quantile(lows, 0.9) < 0.004
+
+
+def test_a_bone_between_that_was_turned_without_a_key_is_told(stage):
+    person = chosen(stage, make_person("daz", 1.7))
+    person.pose.bones["lThighTwist"].rotation_quaternion = Quaternion((0.0, 1.0, 0.0), 0.6)
+    stage.view_layer.update()
+    refused("has a bone, lThighTwist, that was turned without a key, and would be so in every take")
+
+
 def turned(person, name, angle):
     """Turns a bone as it stands and keys it, as an artist does."""
     bone = person.pose.bones[name]
@@ -652,6 +734,14 @@ def test_resolve_adapts_a_rigify_rig(rigify, stage, oncue):
     stage.scene.frame_set(70)
     assert np.allclose(rigify.pose.bones["upper_arm_fk.L"].rotation_quaternion, mine, atol=1e-6)
     assert oncue("bridge.session").report_of(action)["artist"]
+
+
+def test_controls_that_an_earlier_action_moved_go_back_to_rest(rigify, stage, oncue):
+    chosen(stage, rigify)
+    posed_action(rigify, {"chest": 0.3, "upper_arm_tweak.L": 0.2, "hips": 0.2})
+    bpy.ops.oncue.synthesize()
+    _, report = played(oncue, stage.scene)
+    assert report["success"], report["problems"]
 
 
 def test_controls_that_were_moved_aside_are_told_and_nothing_is_written(rigify, stage, oncue):
