@@ -45,6 +45,9 @@ ON_THIGH, OFF_THIGH = 0.13, 0.24
 HANGING, SEATED = np.radians(35.0), np.radians(60.0)
 #: A hand comes to what it holds, and leaves it, in this time, seconds.
 EASE_S = 0.3
+#: Pelvis and lower spine lean by no more than this for the shoulders to be where the body's are.
+MOST_LEAN = np.radians(20.0)
+STILL = np.array([1.0, 0.0, 0.0, 0.0])
 #: The core's joints between hips and chest, and where they lie along the spine.
 SPINE = ("Spine", "Spine1", "Spine2")
 #: Where legs and arms begin.
@@ -337,7 +340,8 @@ class Rig:
         """Rotations and heads of the chain's bones, and rotations before their own."""
         turns, places, up = self._posed(motion, to_world, metres_per_unit)
         wanted = self._wanted(turns)
-        hips = self._hips(turns, places, up, motion.frame_rate)
+        self._lean_alike(turns, wanted)
+        hips = self._hips(turns, places, up, motion.frame_rate, wanted)
         for side in SIDES:
             self._place_leg(side, turns, places, up, hips, wanted)
         posed, heads, _ = self._forward(wanted, hips)
@@ -434,6 +438,49 @@ class Rig:
             wanted[bone] = quaternions.to_matrix(turn) @ self._turned[bone]
         return wanted
 
+    def _lean_alike(self, turns: Array, wanted: dict[int, Array]) -> None:
+        """Leans pelvis and lower spine so that the shoulders are over the hips as the body's are, whose spine may bend
+        elsewhere; the chest keeps its turn as far as that is enough."""
+        trunk = list(dict.fromkeys([self._bone["Hips"], *self._spine]))
+        # Along the rig's trunk, each part in the frame of the bone that carries it.
+        heads = [self._hip, *(self._heads[bone] for bone in trunk[1:]), self._middle("LeftArm", "RightArm")]
+        parts = [
+            _turned(wanted[bone], self.rest.matrices[bone, :3, :3].T @ (heads[k + 1] - heads[k]))
+            for k, bone in enumerate(trunk)
+        ]
+        lower, upper = np.sum(parts[:-1], axis=0) + np.zeros((len(turns), 3)), parts[-1]
+        at_rest, body = self.axes.T @ (heads[-1] - heads[0]), self._body_trunk()
+        middle = turns[:, self._joints["Spine1"]]
+        line = np.sum([_turned(turns[:, joint], way) for joint, way in body.items()], axis=0)
+        line = line / np.linalg.norm(line, axis=1, keepdims=True)
+        body_at_rest = np.sum(list(body.values()), axis=0)
+        unlike = _swing(body_at_rest / np.linalg.norm(body_at_rest), at_rest / np.linalg.norm(at_rest))
+        line = _turned(middle @ unlike, _turned(np.swapaxes(middle, -1, -2), line))
+        if len(trunk) > 1:
+            along = np.sum(line * upper, axis=1)
+            room = along**2 + np.sum(lower * lower, axis=1) - np.sum(upper * upper, axis=1)
+            far = along + np.sqrt(np.maximum(room, 0.0))
+            lean = _at_most(_swings(lower, far[:, None] * line - upper), MOST_LEAN)
+            for bone in trunk[:-1]:
+                wanted[bone] = lean @ wanted[bone]
+            lower = _turned(lean, lower)
+        rest = _swings(lower + upper, line)
+        for bone in trunk:
+            wanted[bone] = rest @ wanted[bone]
+
+    def _body_trunk(self) -> dict[int, Array]:
+        """The core's trunk from the middle of its hips to that of its shoulders: its parts by the joint that carries
+        each, metres."""
+        joints, offset = self._joints, self._offsets
+        hips = (offset[joints["LeftUpLeg"]] + offset[joints["RightUpLeg"]]) / 2.0
+        arms = [offset[joints[f"{side}Shoulder"]] + offset[joints[f"{side}Arm"]] for side in SIDES]
+        ways = [
+            offset[joints["Spine"]] - hips,
+            *(offset[joints[name]] for name in SPINE[1:]),
+            (arms[0] + arms[1]) / 2.0,
+        ]
+        return dict(zip((joints[name] for name in ("Hips", *SPINE)), ways, strict=True))
+
     def _turns_of(self, posed: dict[int, Array], frames: int) -> Array:
         """The rotations of the core's joints, armature space, of a posed rig: the inverse of `_wanted`."""
         turns = np.empty((frames, len(self._parents), 3, 3))
@@ -453,14 +500,14 @@ class Rig:
                 turns[:, joint] = turns[:, self._parents[joint]]
         return turns
 
-    def _hips(self, turns: Array, places: Array, up: Array, frame_rate: float) -> Array:
+    def _hips(self, turns: Array, places: Array, up: Array, frame_rate: float, wanted: dict[int, Array]) -> Array:
         """Where the middle of the hip joints goes, (frames, 3): where the body's is, and lower where a foot would else
         be out of reach."""
         body = self._joints
         middle = (places[:, body["LeftUpLeg"]] + places[:, body["RightUpLeg"]]) / 2.0
         sink = np.zeros(len(turns))
         for side in SIDES:
-            hip = middle + self._hip_offset(side, turns)
+            hip = middle + self._hip_offset(side, wanted)
             way = hip - self._ankle(side, turns, places, up)
             height = way @ up
             level = np.linalg.norm(way - height[:, None] * up, axis=1)
@@ -470,11 +517,10 @@ class Rig:
         lowered: Array = middle - _eased(sink, SINK_S * frame_rate)[:, None] * up
         return lowered
 
-    def _hip_offset(self, side: str, turns: Array) -> Array:
+    def _hip_offset(self, side: str, wanted: dict[int, Array]) -> Array:
         """From the middle of the hips to a hip joint, (frames, 3)."""
         rest = self._from_hips(self._need(f"{side}UpLeg")) - self._from_hips(self._hip)
-        pelvis = turns[:, self._joints["Hips"]] @ self._turned[self._bone["Hips"]]
-        return _turned(pelvis, rest)
+        return _turned(wanted[self._bone["Hips"]], rest)
 
     def _from_hips(self, place: Array) -> Array:
         """A place at rest as seen from the hips' bone."""
@@ -515,7 +561,7 @@ class Rig:
         self, side: str, turns: Array, places: Array, up: Array, hips: Array, wanted: dict[int, Array]
     ) -> None:
         """Turns thigh and shin so that the ankle is where it is to be; the foot keeps its turn in the world."""
-        hip = hips + self._hip_offset(side, turns)
+        hip = hips + self._hip_offset(side, wanted)
         thigh, shin = self._joints[f"{side}UpLeg"], self._joints[f"{side}Leg"]
         hinge = turns[:, thigh] @ np.array([1.0, 0.0, 0.0])
         upper, lower = _two_bones(
@@ -649,6 +695,14 @@ def _swings(start: Array, end: Array) -> Array:
     opposite = w < 1e-9
     turn = np.where(opposite, np.hstack([np.zeros_like(w), across]), np.hstack([w, axis]))
     return quaternions.to_matrix(turn / np.linalg.norm(turn, axis=1, keepdims=True))
+
+
+def _at_most(turns: Array, angle: float) -> Array:
+    """Rotations (frames, 3, 3), each by no more than an angle."""
+    along = quaternions.from_matrix(turns)
+    by = 2.0 * np.arccos(np.clip(np.abs(along[:, 0]), 0.0, 1.0))
+    share = np.minimum(angle / np.maximum(by, 1e-12), 1.0)
+    return quaternions.to_matrix(quaternions.slerp(np.broadcast_to(STILL, along.shape), along, share))
 
 
 def _two_bones(way: Array, hinge: Array, upper: float, lower: float) -> tuple[Array, Array]:

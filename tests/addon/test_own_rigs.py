@@ -275,6 +275,45 @@ def test_bone_for_bone_as_the_cores_body(core, oncue, own_rig):
     assert np.abs(back.root_positions - motion.root_positions).max() < 1e-3
 
 
+def tilt(ways):
+    """How far ways (frames, 3) lean back of a body that faces anywhere, degrees: against the vertical."""
+    return np.degrees(np.arccos(np.clip(ways[:, 2] / np.linalg.norm(ways, axis=1), -1.0, 1.0)))
+
+
+def raised_waist(context):
+    """A trunk that bends nowhere below a third of its length, as a Rigify rig's does."""
+
+    def change(bones):
+        bones["hips"].tail.z = bones["spine"].head.z = 1.2 / 1.8 * 1.5
+
+    return edited(context, make_person("plain", 1.5), change)
+
+
+@pytest.mark.parametrize("kind", ["mixamo", "mmd", "daz", raised_waist])
+def test_a_trunk_leans_as_the_bodys_wherever_its_spine_bends(context, core, oncue, own_rig, kind):
+    person = kind(context) if callable(kind) else make_person(kind, 1.5)
+    skeleton, motions, library = core.skeleton(), oncue("motion"), core.Library.starter()
+    rig = own_rig.rig_of(person, skeleton)
+    joints, names = rig.mapping["joints"], list(skeleton["names"])
+    world = np.array(person.matrix_world)
+    metres = 1.0 / (rig.unit * np.cbrt(np.linalg.det(world[:3, :3])))
+    deepest, heads = 0.0, ("LeftArm", "RightArm", "LeftUpLeg", "RightUpLeg")
+    for number, name in enumerate(library.clip_names):
+        if not name.startswith(("sit 30 cm, turn", "sit 46 cm, turn 0", "walk 1.15 m/s")) or "mirrored" in name:
+            continue
+        clip = library.clip(number)
+        motion = motions.Motion(np.asarray(clip["root_positions"]), np.asarray(clip["rotations"]), 30.0)
+        there = _places(skeleton, motion)
+        body = [there[:, names.index(name)] for name in heads]
+        found = rig.matrices(motion, world, metres)
+        own = [found[joints[name]][:, :3, 3] @ world[:3, :3].T for name in heads]
+        now, then = (tilt(a + b - c - d) for a, b, c, d in (own, body))
+        deepest = max(deepest, then.max())
+        # Shoulders that are drawn up or back move along with the chest's turn.
+        assert np.abs(now - then).max() < 3.0, number
+    assert deepest > 20.0
+
+
 def _places(skeleton, motion):
     """Forward kinematics of the core's definition, (frames, joints, 3)."""
     w, x, y, z = np.moveaxis(motion.rotations.astype(float), -1, 0)
