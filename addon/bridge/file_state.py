@@ -27,7 +27,6 @@ from .bones import (
     leftovers,
     unwritten,
 )
-from .names import CHARACTER_KEY
 from .puppet import Puppet, is_own_skeleton, puppet_of
 from .scene_time import frame_rate, may_move, moving
 from .what_counts import is_shown, things_of
@@ -92,16 +91,10 @@ def remarks(context: bpy.types.Context, character: bpy.types.Object | None) -> I
 
 def _rigs_that_stay(context: bpy.types.Context) -> Iterator[tuple[str, str]]:
     """The people of the scene that nobody chose, where a character is made beside them."""
-    for thing in things_of(context.view_layer):
-        if thing.type != "ARMATURE" or thing.get(CHARACTER_KEY) or not is_shown(thing, context.view_layer):
-            continue
-        try:
-            own_rig.recognized(thing)
-        except native.expected_errors():
-            continue
+    for thing in own_rig.people(context.view_layer):
         yield (
             thing.name,
-            f"{thing.name} has a person's bones and stays as it is: choose it as Character (Settings) to have it act.",
+            f"{thing.name} has a person's bones and stays as it is: choose it as Character to have it act.",
         )
 
 
@@ -173,12 +166,12 @@ def _refusals(context: bpy.types.Context, character: bpy.types.Object) -> Iterat
     if character.library is not None:
         yield (
             f"is linked from {character.library.filepath} and cannot get an action: make a library override of it, or "
-            "clear the Character field in Oncue's settings"
+            "clear the Character field"
         )
     if context.view_layer.objects.get(character.name) != character:
         yield (
             f"lies in no collection that the view layer {context.view_layer.name} shows: include its collection, or "
-            "clear the Character field in Oncue's settings"
+            "clear the Character field"
         )
     if character.mode == "EDIT":
         yield "is in edit mode, in which it shows no motion: leave edit mode (Tab)"

@@ -15,7 +15,7 @@ from ..errors import SceneError
 from ..rig import LARGEST, SIDES, SMALLEST, Hold, RestRig, Rig, Sole
 from . import rigify
 from .armature_motion import body_bones, parents_among
-from .names import MAPPING_KEY, REPORT_KEY
+from .names import CHARACTER_KEY, MAPPING_KEY, REPORT_KEY
 from .what_counts import HANGING, OUTLINES, is_shown, things_of
 
 #: What the core says where a joint has no bone.
@@ -54,9 +54,45 @@ def keep_mapping(character: bpy.types.Object, mapping: dict[str, str]) -> None:
         del character[MAPPING_KEY]
 
 
+#: What was recognised last of some armatures: their bones as they were asked for, and what came of it.
+_known: dict[tuple, dict | SceneError] = {}
+MOST_KNOWN = 16
+
+
 def recognized(character: bpy.types.Object, mapping: dict[str, str] | None = None) -> dict:
     """Which bones of an armature are which joints, as `oncue_core.map_rig` gives it. Raises SceneError."""
     mapping = mapping_of(character) if mapping is None else mapping
+    # A panel asks at each redraw.
+    seen = _seen(character, mapping)
+    if seen not in _known:
+        while len(_known) >= MOST_KNOWN:
+            del _known[next(iter(_known))]
+        try:
+            _known[seen] = _recognized(character, mapping)
+        except SceneError as error:
+            _known[seen] = error
+    found = _known[seen]
+    if isinstance(found, SceneError):
+        raise SceneError(str(found))
+    return found
+
+
+def _seen(character: bpy.types.Object, mapping: dict[str, str]) -> tuple:
+    """All of an armature by which its bones are recognised."""
+    bones = character.data.bones
+    places = np.empty(2 * 3 * len(bones), dtype=np.float32)
+    bones.foreach_get("head_local", places[: len(places) // 2])
+    bones.foreach_get("tail_local", places[len(places) // 2 :])
+    return (
+        character.name,
+        tuple((bone.name, bone.parent.name if bone.parent else "", bone.use_deform) for bone in bones),
+        places.tobytes(),
+        tuple(mapping.items()),
+        tuple(value for row in character.matrix_world for value in row),
+    )
+
+
+def _recognized(character: bpy.types.Object, mapping: dict[str, str]) -> dict:
     for joint, name in mapping.items():
         if name not in character.data.bones:
             raise SceneError(f"{character.name} has no bone {name}, which is named for {joint}: choose another.")
@@ -88,6 +124,18 @@ def recognized(character: bpy.types.Object, mapping: dict[str, str] | None = Non
     if rigify.is_rigify(character):
         found["spine"] = [bone for bone in found["spine"] if bone in rigify.SPINE]
     return found
+
+
+def people(view_layer: bpy.types.ViewLayer) -> Iterator[bpy.types.Object]:
+    """The armatures that a view layer shows and that have a person's bones, but for Oncue's own characters."""
+    for thing in things_of(view_layer):
+        if thing.type != "ARMATURE" or thing.get(CHARACTER_KEY) or not is_shown(thing, view_layer):
+            continue
+        try:
+            recognized(thing)
+        except native.expected_errors():
+            continue
+        yield thing
 
 
 def _by_shape(rest: tuple, mapping: dict[str, str]) -> dict | None:

@@ -615,6 +615,26 @@ def test_an_unchosen_rig_is_not_swapped_in_silence(stage, oncue):
     assert any("mixamo has a person's bones and stays as it is" in note for note in notes)
 
 
+def test_the_panel_says_who_acts(stage, oncue, monkeypatch):
+    who_acts, own = oncue("bridge.puppet").who_acts, oncue("bridge.own_rig")
+    assert who_acts(stage) == "A new mannequin acts"
+    person = make_person("mixamo", 1.8)
+    assert who_acts(stage) == "A new mannequin acts, mixamo stays as it is"
+    # It is asked at each redraw: bones are recognised once.
+    monkeypatch.setattr(own, "_recognized", lambda *_: pytest.fail("recognised anew"))
+    assert who_acts(stage) == "A new mannequin acts, mixamo stays as it is"
+    monkeypatch.undo()
+    chosen(stage, person)
+    assert who_acts(stage) == "Your own rig acts"
+    stage.scene.oncue.character = None
+    edited(stage, person, lambda bones: bones.remove(bones["mixamorig:LeftLeg"]))
+    assert who_acts(stage) == "A new mannequin acts"
+    bpy.ops.oncue.synthesize()
+    assert who_acts(stage) == "Oncue's mannequin acts"
+    stage.scene.oncue.character = None
+    assert who_acts(stage) == "Oncue Character acts, Oncue's mannequin"
+
+
 def test_a_body_much_wider_than_the_cores_is_told(stage, oncue):
     person = chosen(stage, make_person("unreal", 1.7))
     session = oncue("bridge.session")
