@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a scene remembers of Oncue: `scene.oncue`."""
+"""What a scene remembers of Oncue, `scene.oncue`, and an armature object of the artist's own, `oncue_mapping`."""
 
 from __future__ import annotations
 
@@ -200,10 +200,17 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.oncue = PointerProperty(type=OncueSettings)
+    # A custom property that is new on a library override would be gone with the file.
+    bpy.types.Object.oncue_mapping = StringProperty(
+        name="Bones of Oncue",
+        description="The bones that were named for joints by hand, JSON",
+        options={"HIDDEN"},
+        override={"LIBRARY_OVERRIDABLE"},
+    )
 
 
 def unregister() -> None:
-    del bpy.types.Scene.oncue
+    del bpy.types.Scene.oncue, bpy.types.Object.oncue_mapping
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
     _PRESETS.clear()

@@ -15,7 +15,7 @@ from ..errors import SceneError
 from ..rig import LARGEST, SIDES, SMALLEST, Hold, RestRig, Rig, Sole
 from . import rigify
 from .armature_motion import body_bones, parents_among
-from .names import CHARACTER_KEY, MAPPING_KEY, REPORT_KEY
+from .names import CHARACTER_KEY, REPORT_KEY
 from .what_counts import HANGING, OUTLINES, is_shown, things_of
 
 #: What the core says where a joint has no bone.
@@ -36,7 +36,7 @@ FEWEST_CORNERS = 6
 
 def mapping_of(character: bpy.types.Object) -> dict[str, str]:
     """The bones that the artist has named for joints: joint → bone. Raises SceneError for what is no such mapping."""
-    text = character.get(MAPPING_KEY)
+    text = character.oncue_mapping
     try:
         mapping = json.loads(text) if text else {}
     except (TypeError, ValueError):
@@ -48,10 +48,7 @@ def mapping_of(character: bpy.types.Object) -> dict[str, str]:
 
 def keep_mapping(character: bpy.types.Object, mapping: dict[str, str]) -> None:
     """Keeps on the armature which bones the artist has named."""
-    if mapping:
-        character[MAPPING_KEY] = json.dumps(mapping)
-    elif MAPPING_KEY in character:
-        del character[MAPPING_KEY]
+    character.oncue_mapping = json.dumps(mapping) if mapping else ""
 
 
 #: What was recognised last of some armatures: their bones as they were asked for, and what came of it.

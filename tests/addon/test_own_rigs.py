@@ -689,6 +689,26 @@ def test_a_named_bone_goes_before_what_is_recognised(stage, own_rig, tmp_path):
     assert own_rig.recognized(person)["joints"]["Neck"] == "spine_05"
 
 
+def test_bones_named_on_a_library_override_are_there_when_the_file_is_opened_again(stage, own_rig, tmp_path):
+    person, library, scene = make_person("unreal", 1.8, skin=False), tmp_path / "rig.blend", tmp_path / "scene.blend"
+    bpy.data.libraries.write(str(library), {person}, fake_user=True)
+    bpy.data.objects.remove(person)
+    with bpy.data.libraries.load(str(library), link=True) as (_, into):
+        into.objects = ["unreal"]
+    linked = into.objects[0]
+    stage.scene.collection.objects.link(linked)
+    override = linked.override_create(remap_local_usages=True)
+    override.override_library.is_system_override = False
+    chosen(stage, override)
+    assert bpy.ops.oncue.name_bone(joint="Neck", bone="spine_05") == {"FINISHED"}
+    bpy.ops.wm.save_as_mainfile(filepath=str(scene))
+    bpy.ops.wm.open_mainfile(filepath=str(scene))
+    again = bpy.context.scene.oncue.character
+    assert again.override_library is not None
+    assert own_rig.mapping_of(again) == {"Neck": "spine_05"}
+    assert own_rig.recognized(again)["joints"]["Neck"] == "spine_05"
+
+
 def test_a_rig_without_names_has_its_bones_named_one_by_one(stage, own_rig):
     person = chosen(stage, make_person("unreal", 1.6))
     joints = own_rig.recognized(person)["joints"]
