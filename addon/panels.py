@@ -181,7 +181,7 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
         tolerance = layout.row()
         tolerance.active = not settings.every_frame
         tolerance.prop(settings, "key_tolerance")
-        for name in ("preset", "overrides", "exclude", "scene_scale", "show_cues"):
+        for name in ("root_motion", "preset", "overrides", "exclude", "scene_scale", "show_cues"):
             layout.prop(settings, name)
         layout.operator("oncue.toggle_exclude")
         layout.operator("oncue.reset_character")

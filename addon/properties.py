@@ -137,6 +137,17 @@ class OncueSettings(bpy.types.PropertyGroup):
         description="Write a key on every frame, instead of as few as an artist can edit",
         default=False,
     )
+    root_motion: EnumProperty(
+        name="Root Motion",
+        description="What carries the body along its way",
+        items=[
+            ("HIPS", "Hips", "The hips go all the way themselves"),
+            ("BONE", "Root Bone", "The root bone at the rig's feet goes along the floor and faces as the hips do"),
+            ("OBJECT", "Object", "The armature object goes along the floor and faces as the hips do"),
+            ("PLACE", "In Place", "Nothing: the body moves on the spot"),
+        ],
+        default="HIPS",
+    )
     key_tolerance: FloatProperty(
         name="Key Tolerance",
         description="How far few keys may leave hands, feet and hips from the motion, millimetres; joints turn by up "

@@ -109,9 +109,10 @@ class Rig:
         self._heads = rest.matrices[:, :3, 3]
         self._hip = self._middle("LeftUpLeg", "RightUpLeg")
         self._soles = {side: self._sole_of(side, (soles or {}).get(side)) for side in SIDES}
-        floor = float(np.mean([sole.low for sole in self._soles.values()]))
+        #: How high the soles are at rest along the body's up, armature units.
+        self.floor = float(np.mean([sole.low for sole in self._soles.values()]))
         #: Armature units that the core's metre takes: legs of the same length.
-        self.unit = float((self._hip @ self.axes[:, 2] - floor) / self._core_hip_height(skeleton))
+        self.unit = float((self._hip @ self.axes[:, 2] - self.floor) / self._core_hip_height(skeleton))
         if not self.unit > 0.0:
             raise SceneError(f"{name} has its hips under its feet at rest: it must stand in its rest position.")
         self._skeleton = skeleton
@@ -125,6 +126,11 @@ class Rig:
     def joint_names(self) -> list[str]:
         """The core's joints, in their order."""
         return list(self._joints)
+
+    def is_at_feet(self, place: Array) -> bool:
+        """Whether a place at rest, armature space, is nearer to the soles' height than to the hips'."""
+        height = float(place @ self.axes[:, 2]) - self.floor
+        return height < 0.5 * (float(self._hip @ self.axes[:, 2]) - self.floor)
 
     # --- the rig at rest ----------------------------------------------------------------------------------------------
 
