@@ -151,6 +151,8 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     notes = [*notes, *file_state.remarks(context, character)]
     if puppet.rig is not None and (said := own_rig.girth_remark(character, puppet.rig)):
         notes.append((character.name, said))
+    if puppet.rig is not None and (said := own_rig.turning_remark(character, puppet.bones)):
+        notes.append((character.name, said))
     return request, [*meshes.skipped, *notes]
 
 

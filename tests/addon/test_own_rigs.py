@@ -799,13 +799,18 @@ def test_a_rigify_hand_follows_its_cue(rigify, context, oncue):
 
 def test_resolve_adapts_a_rigify_rig(rigify, stage, oncue):
     chosen(stage, rigify)
+    session = oncue("bridge.session")
     bpy.ops.oncue.synthesize()
+    # It is told with the take, not when Re-solve is pressed.
+    (said,) = [said for said in session.problems_of(played(oncue, stage.scene)[1]) if "turn by angles" in said]
+    assert said.startswith("rig has bones that turn by angles (shoulder.L and 1 more): ")
     with pytest.raises(RuntimeError, match=r"shoulder\.. does not turn by quaternions"):
         bpy.ops.oncue.resolve()
     for side in "LR":
         rigify.pose.bones[f"shoulder.{side}"].rotation_mode = "QUATERNION"
     bpy.ops.oncue.synthesize()
-    action, _ = played(oncue, stage.scene)
+    action, report = played(oncue, stage.scene)
+    assert not session.problems_of(report)
     stage.scene.frame_set(70)
     mine = turned(rigify, "upper_arm_fk.L", 0.5)
     assert bpy.ops.oncue.resolve() == {"FINISHED"}
