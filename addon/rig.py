@@ -347,9 +347,10 @@ class Rig:
         turns, places, up = self._posed(motion, to_world, metres_per_unit)
         wanted = self._wanted(turns)
         self._lean_alike(turns, wanted)
-        hips = self._hips(turns, places, up, motion.frame_rate, wanted)
+        ankles = {side: self._ankle(side, turns, places, up) for side in SIDES}
+        hips = self._hips(ankles, places, up, motion.frame_rate, wanted)
         for side in SIDES:
-            self._place_leg(side, turns, places, up, hips, wanted)
+            self._place_leg(side, turns, ankles[side], hips, wanted)
         posed, heads, _ = self._forward(wanted, hips)
         for side in SIDES:
             share = self._held(side, turns, places, motion.frame_rate, holds)
@@ -506,15 +507,17 @@ class Rig:
                 turns[:, joint] = turns[:, self._parents[joint]]
         return turns
 
-    def _hips(self, turns: Array, places: Array, up: Array, frame_rate: float, wanted: dict[int, Array]) -> Array:
+    def _hips(
+        self, ankles: dict[str, Array], places: Array, up: Array, frame_rate: float, wanted: dict[int, Array]
+    ) -> Array:
         """Where the middle of the hip joints goes, (frames, 3): where the body's is, and lower where a foot would else
         be out of reach."""
         body = self._joints
         middle = (places[:, body["LeftUpLeg"]] + places[:, body["RightUpLeg"]]) / 2.0
-        sink = np.zeros(len(turns))
+        sink = np.zeros(len(places))
         for side in SIDES:
             hip = middle + self._hip_offset(side, wanted)
-            way = hip - self._ankle(side, turns, places, up)
+            way = hip - ankles[side]
             height = way @ up
             level = np.linalg.norm(way - height[:, None] * up, axis=1)
             reach = LONGEST_REACH * sum(self._lengths(side, ("UpLeg", "Leg", "Foot")))
@@ -563,16 +566,12 @@ class Rig:
             c = self.rest.tails[self._bone[f"{side}{joints[1]}"]]
         return float(np.linalg.norm(b - a)), float(np.linalg.norm(c - b))
 
-    def _place_leg(
-        self, side: str, turns: Array, places: Array, up: Array, hips: Array, wanted: dict[int, Array]
-    ) -> None:
+    def _place_leg(self, side: str, turns: Array, ankle: Array, hips: Array, wanted: dict[int, Array]) -> None:
         """Turns thigh and shin so that the ankle is where it is to be; the foot keeps its turn in the world."""
         hip = hips + self._hip_offset(side, wanted)
         thigh, shin = self._joints[f"{side}UpLeg"], self._joints[f"{side}Leg"]
         hinge = turns[:, thigh] @ np.array([1.0, 0.0, 0.0])
-        upper, lower = _two_bones(
-            self._ankle(side, turns, places, up) - hip, hinge, *self._lengths(side, ("UpLeg", "Leg", "Foot"))
-        )
+        upper, lower = _two_bones(ankle - hip, hinge, *self._lengths(side, ("UpLeg", "Leg", "Foot")))
         down = np.array([0.0, 0.0, -1.0])
         for joint, name, way in ((thigh, "UpLeg", upper), (shin, "Leg", lower)):
             bone = self._bone[f"{side}{name}"]
