@@ -164,7 +164,11 @@ def solved_of(action: bpy.types.Action) -> Solved:
                     f"{action.name} is a take of a newer Oncue, which this one cannot read: update it, or synthesize "
                     "again."
                 )
-            written = _columns(kept["counts"], kept["written"]) if form == FEW or "counts" in kept else None
+            written = (
+                _columns(kept["counts"], kept["written"])
+                if form == FEW or (form == FORM and "counts" in kept)
+                else None
+            )
             root, way = (str(kept["root"]), kept["way"]) if form == FORM else ("", None)
         solved = Solved(
             motion,
