@@ -13,7 +13,7 @@ from .bridge import own_rig, session, takes
 from .bridge.cue_objects import KINDS
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
-from .bridge.puppet import is_own_skeleton
+from .bridge.puppet import is_own_skeleton, who_acts
 from .bridge.shown_cues import ENDS, FEET, HANDS, PASS, end_cues, played_cues, visible_cues
 from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .foreign_captures import SUFFIXES as FOREIGN
@@ -190,7 +190,7 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
         tolerance = layout.row()
         tolerance.active = not settings.every_frame
         tolerance.prop(settings, "key_tolerance")
-        for name in ("preset", "overrides", "character", "exclude", "scene_scale", "show_cues"):
+        for name in ("root_motion", "preset", "overrides", "exclude", "scene_scale", "show_cues"):
             layout.prop(settings, name)
         layout.operator("oncue.toggle_exclude")
         layout.operator("oncue.reset_character")
@@ -235,7 +235,8 @@ def named_bones(character: bpy.types.Object) -> dict[str, str]:
 
 
 class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
-    """The button, and a row that tells how it goes. Blender puts what has no header above all else, in any order."""
+    """Who acts, the button, and a row that tells how it goes. Blender puts what has no header above all else, in any
+    order."""
 
     bl_label = "Synthesize"
     bl_order = 3
@@ -247,6 +248,10 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
             write_lines(context, layout, native.MISSING, "ERROR")
             return
         # As high while it works as before: what lies below stays where it is.
+        row = layout.row()
+        row.enabled = handle.run is None
+        row.prop(context.scene.oncue, "character")
+        layout.label(text=told(who_acts(context)), icon="BLANK1")
         row = layout.row()
         row.scale_y = 1.6
         if handle.run is not None:

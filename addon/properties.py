@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a scene remembers of Oncue: `scene.oncue`."""
+"""What a scene remembers of Oncue, `scene.oncue`, and an armature object of the artist's own, `oncue_mapping`."""
 
 from __future__ import annotations
 
@@ -137,6 +137,17 @@ class OncueSettings(bpy.types.PropertyGroup):
         description="Write a key on every frame, instead of as few as an artist can edit",
         default=False,
     )
+    root_motion: EnumProperty(
+        name="Root Motion",
+        description="What carries the body along its way",
+        items=[
+            ("HIPS", "Hips", "The hips go all the way themselves"),
+            ("BONE", "Root Bone", "The root bone at the rig's feet goes along the floor and faces as the hips do"),
+            ("OBJECT", "Object", "The armature object goes along the floor and faces as the hips do"),
+            ("PLACE", "In Place", "Nothing: the body moves on the spot"),
+        ],
+        default="HIPS",
+    )
     key_tolerance: FloatProperty(
         name="Key Tolerance",
         description="How far few keys may leave hands, feet and hips from the motion, millimetres; joints turn by up "
@@ -200,10 +211,17 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.oncue = PointerProperty(type=OncueSettings)
+    # A custom property that is new on a library override would be gone with the file.
+    bpy.types.Object.oncue_mapping = StringProperty(
+        name="Bones of Oncue",
+        description="The bones that were named for joints by hand, JSON",
+        options={"HIDDEN"},
+        override={"LIBRARY_OVERRIDABLE"},
+    )
 
 
 def unregister() -> None:
-    del bpy.types.Scene.oncue
+    del bpy.types.Scene.oncue, bpy.types.Object.oncue_mapping
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
     _PRESETS.clear()

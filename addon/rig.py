@@ -45,6 +45,9 @@ ON_THIGH, OFF_THIGH = 0.13, 0.24
 HANGING, SEATED = np.radians(35.0), np.radians(60.0)
 #: A hand comes to what it holds, and leaves it, in this time, seconds.
 EASE_S = 0.3
+#: Pelvis and lower spine lean by no more than this for the shoulders to be where the body's are.
+MOST_LEAN = np.radians(20.0)
+STILL = np.array([1.0, 0.0, 0.0, 0.0])
 #: The core's joints between hips and chest, and where they lie along the spine.
 SPINE = ("Spine", "Spine1", "Spine2")
 #: Where legs and arms begin.
@@ -77,6 +80,8 @@ class Sole:
     low: float
     back: float
     front: float
+    #: How far forward what does not go with the toes reaches, as a hard shoe does.
+    stiff: float
 
 
 class Rig:
@@ -104,9 +109,10 @@ class Rig:
         self._heads = rest.matrices[:, :3, 3]
         self._hip = self._middle("LeftUpLeg", "RightUpLeg")
         self._soles = {side: self._sole_of(side, (soles or {}).get(side)) for side in SIDES}
-        floor = float(np.mean([sole.low for sole in self._soles.values()]))
+        #: How high the soles are at rest along the body's up, armature units.
+        self.floor = float(np.mean([sole.low for sole in self._soles.values()]))
         #: Armature units that the core's metre takes: legs of the same length.
-        self.unit = float((self._hip @ self.axes[:, 2] - floor) / self._core_hip_height(skeleton))
+        self.unit = float((self._hip @ self.axes[:, 2] - self.floor) / self._core_hip_height(skeleton))
         if not self.unit > 0.0:
             raise SceneError(f"{name} has its hips under its feet at rest: it must stand in its rest position.")
         self._skeleton = skeleton
@@ -120,6 +126,11 @@ class Rig:
     def joint_names(self) -> list[str]:
         """The core's joints, in their order."""
         return list(self._joints)
+
+    def is_at_feet(self, place: Array) -> bool:
+        """Whether a place at rest, armature space, is nearer to the soles' height than to the hips'."""
+        height = float(place @ self.axes[:, 2]) - self.floor
+        return height < 0.5 * (float(self._hip @ self.axes[:, 2]) - self.floor)
 
     # --- the rig at rest ----------------------------------------------------------------------------------------------
 
@@ -188,7 +199,7 @@ class Rig:
         lowest = min(float(ankle[2]), float(ahead @ self.axes[:, 2]))
         # A rig stands at its origin as a rule; one that does not has its toes a little over the floor.
         floor = 0.0 if -0.01 * leg < lowest < 0.14 * leg else lowest - 0.026 * leg
-        return Sole(floor, float(ankle[1]) + HEEL * leg, float(ankle[1]) - TIP * leg)
+        return Sole(floor, float(ankle[1]) + HEEL * leg, float(ankle[1]) - TIP * leg, float(ankle[1]))
 
     def _find_carrier(self) -> int:
         """The bone that carries the body about: the hips', or the first over it that is not fixed to its parent."""
@@ -282,8 +293,8 @@ class Rig:
         return float(np.linalg.norm(self._hip - self._need("LeftFoot")))
 
     def _foot(self, side: str) -> dict[str, Array]:
-        """Places of a foot at rest in the frame of its joint, which points straight forward: heel, ball on the floor
-        and the toe's joint from the ankle, the tip from the toe's joint; armature units."""
+        """Places of a foot at rest in the frame of its joint, which points straight forward: heel, ball on the floor,
+        the tip of a hard sole and the toe's joint from the ankle, the tip from the toe's joint; armature units."""
         turn, sole = self._heading(side), self._soles[side]
         ankle = self._need(f"{side}Foot") @ self.axes
         toe = self.head(f"{side}Toe")
@@ -296,8 +307,10 @@ class Rig:
         heel = np.array([0.0, max(sole.back - ankle[1], 0.0), sole.low - ankle[2]])
         tip = np.array([0.0, min(sole.front - ankle[1] - joint[1], 0.0), sole.low - ankle[2] - joint[2]])
         ball = np.array([joint[0], joint[1], sole.low - ankle[2]])
-        # Heel and tip lie on the foot's own line.
-        return {"heel": _forward(turn, heel), "ball": turn @ ball, "toe": turn @ joint, "tip": _forward(turn, tip)}
+        stiff = np.array([0.0, min(sole.stiff - ankle[1], joint[1]), sole.low - ankle[2]])
+        # Heel and tips lie on the foot's own line.
+        on_line = {"heel": _forward(turn, heel), "stiff": _forward(turn, stiff), "tip": _forward(turn, tip)}
+        return {**on_line, "ball": turn @ ball, "toe": turn @ joint}
 
     # --- the core's body on the rig -----------------------------------------------------------------------------------
 
@@ -333,9 +346,11 @@ class Rig:
         """Rotations and heads of the chain's bones, and rotations before their own."""
         turns, places, up = self._posed(motion, to_world, metres_per_unit)
         wanted = self._wanted(turns)
-        hips = self._hips(turns, places, up, motion.frame_rate)
+        self._lean_alike(turns, wanted)
+        ankles = {side: self._ankle(side, turns, places, up) for side in SIDES}
+        hips = self._hips(ankles, places, up, motion.frame_rate, wanted)
         for side in SIDES:
-            self._place_leg(side, turns, places, up, hips, wanted)
+            self._place_leg(side, turns, ankles[side], hips, wanted)
         posed, heads, _ = self._forward(wanted, hips)
         for side in SIDES:
             share = self._held(side, turns, places, motion.frame_rate, holds)
@@ -430,6 +445,49 @@ class Rig:
             wanted[bone] = quaternions.to_matrix(turn) @ self._turned[bone]
         return wanted
 
+    def _lean_alike(self, turns: Array, wanted: dict[int, Array]) -> None:
+        """Leans pelvis and lower spine so that the shoulders are over the hips as the body's are, whose spine may bend
+        elsewhere; the chest keeps its turn as far as that is enough."""
+        trunk = list(dict.fromkeys([self._bone["Hips"], *self._spine]))
+        # Along the rig's trunk, each part in the frame of the bone that carries it.
+        heads = [self._hip, *(self._heads[bone] for bone in trunk[1:]), self._middle("LeftArm", "RightArm")]
+        parts = [
+            _turned(wanted[bone], self.rest.matrices[bone, :3, :3].T @ (heads[k + 1] - heads[k]))
+            for k, bone in enumerate(trunk)
+        ]
+        lower, upper = np.sum(parts[:-1], axis=0) + np.zeros((len(turns), 3)), parts[-1]
+        at_rest, body = self.axes.T @ (heads[-1] - heads[0]), self._body_trunk()
+        middle = turns[:, self._joints["Spine1"]]
+        line = np.sum([_turned(turns[:, joint], way) for joint, way in body.items()], axis=0)
+        line = line / np.linalg.norm(line, axis=1, keepdims=True)
+        body_at_rest = np.sum(list(body.values()), axis=0)
+        unlike = _swing(body_at_rest / np.linalg.norm(body_at_rest), at_rest / np.linalg.norm(at_rest))
+        line = _turned(middle @ unlike, _turned(np.swapaxes(middle, -1, -2), line))
+        if len(trunk) > 1:
+            along = np.sum(line * upper, axis=1)
+            room = along**2 + np.sum(lower * lower, axis=1) - np.sum(upper * upper, axis=1)
+            far = along + np.sqrt(np.maximum(room, 0.0))
+            lean = _at_most(_swings(lower, far[:, None] * line - upper), MOST_LEAN)
+            for bone in trunk[:-1]:
+                wanted[bone] = lean @ wanted[bone]
+            lower = _turned(lean, lower)
+        rest = _swings(lower + upper, line)
+        for bone in trunk:
+            wanted[bone] = rest @ wanted[bone]
+
+    def _body_trunk(self) -> dict[int, Array]:
+        """The core's trunk from the middle of its hips to that of its shoulders: its parts by the joint that carries
+        each, metres."""
+        joints, offset = self._joints, self._offsets
+        hips = (offset[joints["LeftUpLeg"]] + offset[joints["RightUpLeg"]]) / 2.0
+        arms = [offset[joints[f"{side}Shoulder"]] + offset[joints[f"{side}Arm"]] for side in SIDES]
+        ways = [
+            offset[joints["Spine"]] - hips,
+            *(offset[joints[name]] for name in SPINE[1:]),
+            (arms[0] + arms[1]) / 2.0,
+        ]
+        return dict(zip((joints[name] for name in ("Hips", *SPINE)), ways, strict=True))
+
     def _turns_of(self, posed: dict[int, Array], frames: int) -> Array:
         """The rotations of the core's joints, armature space, of a posed rig: the inverse of `_wanted`."""
         turns = np.empty((frames, len(self._parents), 3, 3))
@@ -449,15 +507,17 @@ class Rig:
                 turns[:, joint] = turns[:, self._parents[joint]]
         return turns
 
-    def _hips(self, turns: Array, places: Array, up: Array, frame_rate: float) -> Array:
+    def _hips(
+        self, ankles: dict[str, Array], places: Array, up: Array, frame_rate: float, wanted: dict[int, Array]
+    ) -> Array:
         """Where the middle of the hip joints goes, (frames, 3): where the body's is, and lower where a foot would else
         be out of reach."""
         body = self._joints
         middle = (places[:, body["LeftUpLeg"]] + places[:, body["RightUpLeg"]]) / 2.0
-        sink = np.zeros(len(turns))
+        sink = np.zeros(len(places))
         for side in SIDES:
-            hip = middle + self._hip_offset(side, turns)
-            way = hip - self._ankle(side, turns, places, up)
+            hip = middle + self._hip_offset(side, wanted)
+            way = hip - ankles[side]
             height = way @ up
             level = np.linalg.norm(way - height[:, None] * up, axis=1)
             reach = LONGEST_REACH * sum(self._lengths(side, ("UpLeg", "Leg", "Foot")))
@@ -466,11 +526,10 @@ class Rig:
         lowered: Array = middle - _eased(sink, SINK_S * frame_rate)[:, None] * up
         return lowered
 
-    def _hip_offset(self, side: str, turns: Array) -> Array:
+    def _hip_offset(self, side: str, wanted: dict[int, Array]) -> Array:
         """From the middle of the hips to a hip joint, (frames, 3)."""
         rest = self._from_hips(self._need(f"{side}UpLeg")) - self._from_hips(self._hip)
-        pelvis = turns[:, self._joints["Hips"]] @ self._turned[self._bone["Hips"]]
-        return _turned(pelvis, rest)
+        return _turned(wanted[self._bone["Hips"]], rest)
 
     def _from_hips(self, place: Array) -> Array:
         """A place at rest as seen from the hips' bone."""
@@ -491,10 +550,10 @@ class Rig:
         tip = places[:, self._joints[f"{side}Toe"]] + _turned(toe, end) * unit
         lowest = np.min([point @ up for point in (ball, heel, tip)], axis=0)
         own = self._feet[side]
-        of_foot = {name: _turned(foot, own[name]) for name in ("heel", "ball", "toe")}
+        of_foot = {name: _turned(foot, own[name]) for name in ("heel", "ball", "stiff", "toe")}
         # A foot without toes is one block.
         of_tip = of_foot["toe"] + _turned(toe if f"{side}Toe" in self._bone else foot, own["tip"])
-        under = np.min([point @ up for point in (of_foot["heel"], of_foot["ball"], of_tip)], axis=0)
+        under = np.min([point @ up for point in (*(of_foot[p] for p in ("heel", "ball", "stiff")), of_tip)], axis=0)
         level = ball - of_foot["ball"]
         placed: Array = level + (lowest - under - level @ up)[:, None] * up
         return placed
@@ -507,16 +566,12 @@ class Rig:
             c = self.rest.tails[self._bone[f"{side}{joints[1]}"]]
         return float(np.linalg.norm(b - a)), float(np.linalg.norm(c - b))
 
-    def _place_leg(
-        self, side: str, turns: Array, places: Array, up: Array, hips: Array, wanted: dict[int, Array]
-    ) -> None:
+    def _place_leg(self, side: str, turns: Array, ankle: Array, hips: Array, wanted: dict[int, Array]) -> None:
         """Turns thigh and shin so that the ankle is where it is to be; the foot keeps its turn in the world."""
-        hip = hips + self._hip_offset(side, turns)
+        hip = hips + self._hip_offset(side, wanted)
         thigh, shin = self._joints[f"{side}UpLeg"], self._joints[f"{side}Leg"]
         hinge = turns[:, thigh] @ np.array([1.0, 0.0, 0.0])
-        upper, lower = _two_bones(
-            self._ankle(side, turns, places, up) - hip, hinge, *self._lengths(side, ("UpLeg", "Leg", "Foot"))
-        )
+        upper, lower = _two_bones(ankle - hip, hinge, *self._lengths(side, ("UpLeg", "Leg", "Foot")))
         down = np.array([0.0, 0.0, -1.0])
         for joint, name, way in ((thigh, "UpLeg", upper), (shin, "Leg", lower)):
             bone = self._bone[f"{side}{name}"]
@@ -645,6 +700,14 @@ def _swings(start: Array, end: Array) -> Array:
     opposite = w < 1e-9
     turn = np.where(opposite, np.hstack([np.zeros_like(w), across]), np.hstack([w, axis]))
     return quaternions.to_matrix(turn / np.linalg.norm(turn, axis=1, keepdims=True))
+
+
+def _at_most(turns: Array, angle: float) -> Array:
+    """Rotations (frames, 3, 3), each by no more than an angle."""
+    along = quaternions.from_matrix(turns)
+    by = 2.0 * np.arccos(np.clip(np.abs(along[:, 0]), 0.0, 1.0))
+    share = np.minimum(angle / np.maximum(by, 1e-12), 1.0)
+    return quaternions.to_matrix(quaternions.slerp(np.broadcast_to(STILL, along.shape), along, share))
 
 
 def _two_bones(way: Array, hinge: Array, upper: float, lower: float) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
 from .armature import rest_of, rest_rotations
-from .bones import clear_channel, leftovers
+from .bones import keyed_channels, put_to_rest
 from .curves import Keys, every_frame, fitted, write_keys
 from .names import REPORT_KEY
 from .scene_time import frame_rate
@@ -41,6 +41,15 @@ class Space(Protocol):
     def channels(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]: ...
     def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion: ...
     def rest(self) -> Rest: ...
+    def at(self, frame: int) -> Space: ...
+
+
+class Root(Protocol):
+    """What carries the body along its way."""
+
+    def write(
+        self, curves: compat.CurveSet, space: Space, sampled: Motion, start_frame: int, tolerance_mm: float | None
+    ) -> Space: ...
 
 
 class BoneSpace:
@@ -86,6 +95,10 @@ class BoneSpace:
         turned[:, 0] = multiply(self._spin, turned[:, 0])
         return Motion(positions, turned, frame_rate)
 
+    def at(self, _frame: int) -> BoneSpace:
+        """The same for motions of one frame of a take."""
+        return self
+
     def rest(self) -> Rest:
         """How the bones hang on each other."""
         return rest_of(self._character, self.bones, self._metres, self._matrix_world)
@@ -104,16 +117,24 @@ def write_action(
     contacts: np.ndarray | None = None,
     tolerance_mm: float | None = None,
     space: Space | None = None,
+    root: Root | None = None,
 ) -> bpy.types.Action:
     """Writes `motion` into a new action of `character` and has the scene's frame range end no earlier.
 
     Every frame is keyed, or with `tolerance_mm` as few as keep hands and feet that near to the motion; `contacts`
-    (frames, 2) says where these stand. `space` is the way to the bones of another rig than Oncue's own skeleton.
-    Earlier actions stay in the file: each keeps a fake user. What they moved of the skeleton's bones and this one does
-    not goes back to rest.
+    (frames, 2) says where these stand. `space` is the way to the bones of another rig than Oncue's own skeleton;
+    `root` carries the body along its way, or else its first bone does.
+    Earlier actions stay in the file: each keeps a fake user. What they moved of the skeleton's bones, and of those
+    that shape it along with them, and this one does not goes back to rest.
     """
     space, sampled = _sampled(context, character, names, motion, metres_per_unit, space)
-    names, channels = space.bones, Channels(*space.channels(sampled))
+    names, before = space.bones, keyed_channels(character)
+    action = bpy.data.actions.new(name)
+    action.use_fake_user = True
+    curves = compat.CurveSet(action, character)
+    if root is not None:
+        space = root.write(curves, space, sampled, start_frame, tolerance_mm)
+    channels = Channels(*space.channels(sampled))
     if tolerance_mm is None:
         keys = _every_frame(character, names, channels, start_frame)
     else:
@@ -121,18 +142,13 @@ def write_action(
         planted = planted_frames(stands, motion.frame_rate, frame_rate(context.scene), len(sampled))
         few = fit(space.rest(), channels, planted, tolerance_mm)
         keys = _few(character, names, channels, few, start_frame)
-    curve_keys = list(keys)
-    _keep_previous(character)
-    action = bpy.data.actions.new(name)
-    action.use_fake_user = True
-    curves = compat.CurveSet(action, character)
-    for (bone, channel, axis), written in curve_keys:
+    for (bone, channel, axis), written in keys:
         write_keys(curves.new(data_path(bone, channel), axis, bone), written)
+    _keep_previous(character)
     if report is not None:
         action[REPORT_KEY] = json.dumps(report)
     compat.assign_action(character, action, curves)
-    for bone, channel, _ in list(leftovers([character.pose.bones[bone] for bone in names])):
-        clear_channel(bone, channel)
+    put_to_rest([character.pose.bones[bone] for bone in names], before)
     _show_frames(context.scene, action, start_frame, len(sampled))
     return action
 

@@ -66,8 +66,7 @@ def check_chosen(scene: bpy.types.Scene) -> None:
     chosen = scene.oncue.character
     if chosen is not None and not chosen.get(CHARACTER_KEY) and not _is_in(scene, chosen):
         raise SceneError(
-            f"{chosen.name} is chosen as Character and is not in this scene: choose another one, or clear the field in "
-            "Oncue's settings."
+            f"{chosen.name} is chosen as Character and is not in this scene: choose another one, or clear the field."
         )
 
 

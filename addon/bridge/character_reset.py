@@ -9,7 +9,16 @@ import bpy
 from mathutils import Matrix
 
 from . import compat
-from .bones import bending_constraints, carriers, clear_channel, driven_bones, keyed_channels, leftovers, unwritten
+from .bones import (
+    bending_constraints,
+    carriers,
+    clear_channel,
+    driven_bones,
+    is_keyed,
+    keyed_channels,
+    leftovers,
+    unwritten,
+)
 from .file_state import scale_fault
 from .scene_time import may_move
 
@@ -52,7 +61,7 @@ def _reset_bones(character: bpy.types.Object, names: list[str]) -> None:
     for _, constraint in bending_constraints(bones):
         constraint.mute = True
     for bone, channel, _ in leftovers(bones):
-        if (bone.name, channel) not in keyed:
+        if not is_keyed(keyed, bone, channel):
             clear_channel(bone, channel)
 
 

@@ -17,8 +17,16 @@ import numpy as np
 from .. import native
 from ..errors import CharacterError, SceneError
 from . import compat, own_rig
-from .bones import bending_constraints, carriers, driven_bones, keyed_channels, leftovers, unwritten
-from .names import CHARACTER_KEY
+from .bones import (
+    bending_constraints,
+    carriers,
+    driven_bones,
+    helpers,
+    is_keyed,
+    keyed_channels,
+    leftovers,
+    unwritten,
+)
 from .puppet import Puppet, is_own_skeleton, puppet_of
 from .scene_time import frame_rate, may_move, moving
 from .what_counts import is_shown, things_of
@@ -83,16 +91,10 @@ def remarks(context: bpy.types.Context, character: bpy.types.Object | None) -> I
 
 def _rigs_that_stay(context: bpy.types.Context) -> Iterator[tuple[str, str]]:
     """The people of the scene that nobody chose, where a character is made beside them."""
-    for thing in things_of(context.view_layer):
-        if thing.type != "ARMATURE" or thing.get(CHARACTER_KEY) or not is_shown(thing, context.view_layer):
-            continue
-        try:
-            own_rig.recognized(thing)
-        except native.expected_errors():
-            continue
+    for thing in own_rig.people(context.view_layer):
         yield (
             thing.name,
-            f"{thing.name} has a person's bones and stays as it is: choose it as Character (Settings) to have it act.",
+            f"{thing.name} has a person's bones and stays as it is: choose it as Character to have it act.",
         )
 
 
@@ -140,7 +142,7 @@ def check_character(context: bpy.types.Context, character: bpy.types.Object) -> 
     puppet = puppet_of(character, context.scene)
     if puppet.is_control_rig:
         # What hangs on its controls by constraints is the rig's own business; whether it follows is seen afterwards.
-        for said in _state_hindrances(character, puppet.bones):
+        for said in _state_hindrances(character, puppet.bones, []):
             raise SceneError(f"{character.name} {_without_reset(said)}.")
         return puppet
     for bone, constraint in bending_constraints([character.pose.bones[name] for name in puppet.bones]):
@@ -164,12 +166,12 @@ def _refusals(context: bpy.types.Context, character: bpy.types.Object) -> Iterat
     if character.library is not None:
         yield (
             f"is linked from {character.library.filepath} and cannot get an action: make a library override of it, or "
-            "clear the Character field in Oncue's settings"
+            "clear the Character field"
         )
     if context.view_layer.objects.get(character.name) != character:
         yield (
             f"lies in no collection that the view layer {context.view_layer.name} shows: include its collection, or "
-            "clear the Character field in Oncue's settings"
+            "clear the Character field"
         )
     if character.mode == "EDIT":
         yield "is in edit mode, in which it shows no motion: leave edit mode (Tab)"
@@ -177,8 +179,8 @@ def _refusals(context: bpy.types.Context, character: bpy.types.Object) -> Iterat
 
 def _hindrances(character: bpy.types.Object, names: list[str]) -> Iterator[str]:
     """What can be reset, each the rest of a sentence that begins with the character's name."""
-    yield from _state_hindrances(character, names)
     bones = [character.pose.bones[bone] for bone in names]
+    yield from _state_hindrances(character, names, [bone.name for bone in helpers(bones)[0]])
     for bone, constraint in bending_constraints(bones):
         yield f"has a constraint on {bone.name} ({constraint.name}), which would bend the motion: mute it, {RESET}"
     for bone in bones:
@@ -186,25 +188,25 @@ def _hindrances(character: bpy.types.Object, names: list[str]) -> Iterator[str]:
             yield f"has a bone, {bone.name}, that does not inherit its parent's rotation: let it, {RESET}"
     keyed = keyed_channels(character)
     for bone, channel, fault in leftovers(bones):
-        if (bone.name, channel) not in keyed:
+        if not is_keyed(keyed, bone, channel):
             yield (
                 f"has a bone, {bone.name}, that was {fault} without a key, and would be so in every take: clear it in "
                 f"pose mode (Alt G, Alt R, Alt S), {RESET}"
             )
 
 
-def _state_hindrances(character: bpy.types.Object, names: list[str]) -> Iterator[str]:
-    """The same of what keeps the named bones' keys from playing."""
+def _state_hindrances(character: bpy.types.Object, names: list[str], between: list[str]) -> Iterator[str]:
+    """The same of what keeps the named bones' keys from playing, and of the bones `between` them in their place."""
     if character.data.pose_position == "REST":
         yield f"shows its rest position: set it to Pose Position (armature properties), {RESET}"
     bones = [character.pose.bones[bone] for bone in names]
-    yield from _animation_hindrances(character.animation_data, names, carriers(bones))
+    yield from _animation_hindrances(character.animation_data, names, [*carriers(bones), *between])
     if not bones[0].bone.use_local_location:
         yield f"has a bone, {names[0]}, whose location is not its own (Local Location is off): set it, {RESET}"
 
 
 def _animation_hindrances(data: bpy.types.AnimData | None, names: list[str], over: list[str]) -> Iterator[str]:
-    """Of the skeleton's bones and those over it."""
+    """Of the skeleton's bones and those `over` some of it."""
     if data is None:
         return
     if data.use_tweak_mode:

@@ -44,7 +44,7 @@ class LiveTake:
         if file_state.check(context, scene.oncue.character).rig is not None:
             raise SceneError(
                 f"Follow Cues moves Oncue's own character, and {scene.oncue.character.name} is a rig of yours: press "
-                "Synthesize, or clear the Character field in Oncue's settings."
+                "Synthesize, or clear the Character field."
             )
         file_state.check_over_time(context, scene.oncue.character)
         compat.play_slot(scene.oncue.character)

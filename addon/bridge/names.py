@@ -19,8 +19,6 @@ GIVEN_YAW_KEY = "oncue_given_yaw"
 #: On the armature and the meshes of a character: no part of the scene where it is the one that is moved, and in the way
 #: as another person where it is not. A mesh that carries it without an armature is no obstacle.
 CHARACTER_KEY = "oncue_character"
-#: On an armature of the artist's own: the bones that were named for the core's joints by hand, JSON (joint → bone).
-MAPPING_KEY = "oncue_mapping"
 #: On any object that the character may walk through.
 EXCLUDE_KEY = "oncue_exclude"
 #: On an action: the report of the run that made it, JSON.

@@ -15,12 +15,13 @@ from ..errors import SceneError
 from ..rig import LARGEST, SIDES, SMALLEST, Hold, RestRig, Rig, Sole
 from . import rigify
 from .armature_motion import body_bones, parents_among
-from .names import MAPPING_KEY, REPORT_KEY
+from .names import CHARACTER_KEY, REPORT_KEY
+from .what_counts import HANGING, OUTLINES, is_shown, things_of
 
 #: What the core says where a joint has no bone.
 UNNAMED = "no joint was recognised as"
-#: A corner belongs to a foot where so much of it does.
-OF_A_FOOT = 0.5
+#: A corner belongs to a foot where so much of it does, and does not go with the toes where so much goes with the rest.
+OF_A_FOOT, STIFF = 0.5, 0.95
 #: Height of the core's hip joints over its soles, metres.
 HIPS = 0.973
 #: No corner of a foot is farther from its ankle, the core's metres.
@@ -35,7 +36,7 @@ FEWEST_CORNERS = 6
 
 def mapping_of(character: bpy.types.Object) -> dict[str, str]:
     """The bones that the artist has named for joints: joint → bone. Raises SceneError for what is no such mapping."""
-    text = character.get(MAPPING_KEY)
+    text = character.oncue_mapping
     try:
         mapping = json.loads(text) if text else {}
     except (TypeError, ValueError):
@@ -47,15 +48,48 @@ def mapping_of(character: bpy.types.Object) -> dict[str, str]:
 
 def keep_mapping(character: bpy.types.Object, mapping: dict[str, str]) -> None:
     """Keeps on the armature which bones the artist has named."""
-    if mapping:
-        character[MAPPING_KEY] = json.dumps(mapping)
-    elif MAPPING_KEY in character:
-        del character[MAPPING_KEY]
+    character.oncue_mapping = json.dumps(mapping) if mapping else ""
+
+
+#: What was recognised last of some armatures: their bones as they were asked for, and what came of it.
+_known: dict[tuple, dict | SceneError] = {}
+MOST_KNOWN = 16
 
 
 def recognized(character: bpy.types.Object, mapping: dict[str, str] | None = None) -> dict:
     """Which bones of an armature are which joints, as `oncue_core.map_rig` gives it. Raises SceneError."""
     mapping = mapping_of(character) if mapping is None else mapping
+    # A panel asks at each redraw.
+    seen = _seen(character, mapping)
+    if seen not in _known:
+        while len(_known) >= MOST_KNOWN:
+            del _known[next(iter(_known))]
+        try:
+            _known[seen] = _recognized(character, mapping)
+        except SceneError as error:
+            _known[seen] = error
+    found = _known[seen]
+    if isinstance(found, SceneError):
+        raise SceneError(str(found))
+    return found
+
+
+def _seen(character: bpy.types.Object, mapping: dict[str, str]) -> tuple:
+    """All of an armature by which its bones are recognised."""
+    bones = character.data.bones
+    places = np.empty(2 * 3 * len(bones), dtype=np.float32)
+    bones.foreach_get("head_local", places[: len(places) // 2])
+    bones.foreach_get("tail_local", places[len(places) // 2 :])
+    return (
+        character.name,
+        tuple((bone.name, bone.parent.name if bone.parent else "", bone.use_deform) for bone in bones),
+        places.tobytes(),
+        tuple(mapping.items()),
+        tuple(value for row in character.matrix_world for value in row),
+    )
+
+
+def _recognized(character: bpy.types.Object, mapping: dict[str, str]) -> dict:
     for joint, name in mapping.items():
         if name not in character.data.bones:
             raise SceneError(f"{character.name} has no bone {name}, which is named for {joint}: choose another.")
@@ -87,6 +121,18 @@ def recognized(character: bpy.types.Object, mapping: dict[str, str] | None = Non
     if rigify.is_rigify(character):
         found["spine"] = [bone for bone in found["spine"] if bone in rigify.SPINE]
     return found
+
+
+def people(view_layer: bpy.types.ViewLayer) -> Iterator[bpy.types.Object]:
+    """The armatures that a view layer shows and that have a person's bones, but for Oncue's own characters."""
+    for thing in things_of(view_layer):
+        if thing.type != "ARMATURE" or thing.get(CHARACTER_KEY) or not is_shown(thing, view_layer):
+            continue
+        try:
+            recognized(thing)
+        except native.expected_errors():
+            continue
+        yield thing
 
 
 def _by_shape(rest: tuple, mapping: dict[str, str]) -> dict | None:
@@ -156,25 +202,77 @@ def _rest_of(character: bpy.types.Object) -> RestRig:
 
 
 def _sole(character: bpy.types.Object, rig: Rig, mapping: dict, side: str) -> Sole | None:
-    """The sole of a foot as the meshes on the rig show it at rest; None where they do not."""
-    named = {mapping["joints"].get(f"{side}{part}") for part in ("Foot", "Toe")} - {None}
-    of_foot = {
-        bone.name
-        for bone in character.data.bones
-        if bone.name in named or any(up.name in named for up in bone.parent_recursive)
-    }
-    # Rigify's skin hangs on twins of the body's bones.
-    of_foot |= {name.replace(rigify.BODY, "DEF-", 1) for name in of_foot if name.startswith(rigify.BODY)}
+    """The sole of a foot as the meshes on the rig show it at rest, skins and shoes; None where they do not."""
+    toes = _with_below(character, mapping["joints"].get(f"{side}Toe"))
+    foot = _with_below(character, mapping["joints"].get(f"{side}Foot")) - toes
     ankle = rig.head(f"{side}Foot")
     assert ankle is not None  # a rig without ankles is none
     reach = FOOT_REACH * rig.unit
-    corners = [places for mesh in skins(character) for places in _corners(character, mesh, of_foot, ankle, reach)]
+    worn = [places for places in _worn(character, foot) if np.linalg.norm(places - ankle, axis=1).min() < reach]
+    stiff = [*worn, *(c for mesh in skins(character) for c in _corners(character, mesh, foot, ankle, reach, STIFF))]
+    corners = [c for mesh in skins(character) for c in _corners(character, mesh, foot | toes, ankle, reach, OF_A_FOOT)]
+    corners += [*worn, *(c for c in _worn(character, toes) if np.linalg.norm(c - ankle, axis=1).min() < reach)]
     if not corners:
         return None
     seen = np.concatenate(corners) @ rig.axes
     if len(seen) < FEWEST_CORNERS or not np.isfinite(seen).all():
         return None
-    return Sole(float(seen[:, 2].min()), float(seen[:, 1].max()), float(seen[:, 1].min()))
+    low, back, front = (float(value) for value in (seen[:, 2].min(), seen[:, 1].max(), seen[:, 1].min()))
+    ahead = min((float((places @ rig.axes[:, 1]).min()) for places in stiff), default=back)
+    return Sole(low, back, front, ahead)
+
+
+def _with_below(character: bpy.types.Object, name: str | None) -> set[str]:
+    """The names of a bone and of all that hang on it, and of what carries the skin in their place on a Rigify rig."""
+    bone = character.data.bones.get(name) if name else None
+    if bone is None:
+        return set()
+    found = {bone.name, *(below.name for below in bone.children_recursive)}
+    # Rigify's skin hangs on twins of the body's bones.
+    return found | {name.replace(rigify.BODY, "DEF-", 1) for name in found if name.startswith(rigify.BODY)}
+
+
+def _worn(character: bpy.types.Object, bones: set[str]) -> Iterator[np.ndarray]:
+    """The corners of each mesh that hangs on one of the bones as a whole, as shoes do, where it is at rest, armature
+    space. What nobody sees or takes for solid is none."""
+    graph = bpy.context.evaluated_depsgraph_get()
+    posed = character.evaluated_get(graph)
+    for thing in things_of(bpy.context.view_layer):
+        if thing.type != "MESH" or thing.display_type in OUTLINES or not is_shown(thing, bpy.context.view_layer):
+            continue
+        bone = _carried_by(thing, character)
+        if bone not in bones:
+            continue
+        seen = thing.evaluated_get(graph)
+        mesh = seen.to_mesh()
+        places = np.empty(len(mesh.vertices) * 3, dtype=np.float32)
+        mesh.vertices.foreach_get("co", places)
+        seen.to_mesh_clear()
+        if not len(places):
+            continue
+        # Whatever is played: as it lies on the bone now it lies on it at rest.
+        on_bone = (posed.matrix_world @ posed.pose.bones[bone].matrix).inverted_safe() @ seen.matrix_world
+        to_armature = np.array(character.data.bones[bone].matrix_local @ on_bone, dtype=np.float64)
+        yield places.reshape(-1, 3).astype(np.float64) @ to_armature[:3, :3].T + to_armature[:3, 3]
+
+
+def _carried_by(thing: bpy.types.Object, character: bpy.types.Object) -> str:
+    """The bone of an armature that carries an object as a whole, by its parent or a constraint, or by those of what
+    it hangs on; an empty name for none."""
+    seen: set[bpy.types.Object] = set()
+    over: bpy.types.Object | None = thing
+    while over is not None and over not in seen:
+        seen.add(over)
+        for constraint in over.constraints:
+            if constraint.type not in HANGING or constraint.mute or not constraint.influence > 0.0:
+                continue
+            targets = constraint.targets if constraint.type == "ARMATURE" else [constraint]
+            if bone := next((one.subtarget for one in targets if one.target == character and one.subtarget), ""):
+                return bone
+        if over.parent == character:
+            return over.parent_bone if over.parent_type == "BONE" else ""
+        over = over.parent
+    return ""
 
 
 def girth_remark(character: bpy.types.Object, rig: Rig) -> str | None:
@@ -212,20 +310,34 @@ def girth_remark(character: bpy.types.Object, rig: Rig) -> str | None:
     )
 
 
+def turning_remark(character: bpy.types.Object, bones: list[str]) -> str | None:
+    """What is said of bones that are keyed by angles, before a take is made that Re-solve cannot adapt."""
+    turned = [bone for bone in bones if character.pose.bones[bone].rotation_mode != "QUATERNION"]
+    if not turned:
+        return None
+    more = f" and {len(turned) - 1} more" if len(turned) > 1 else ""
+    return (
+        f"{character.name} has bones that turn by angles ({turned[0]}{more}): they have keys on every frame, and "
+        "Re-solve will not adapt this take. To have it do so, set their Rotation Mode to Quaternion (WXYZ) and "
+        "synthesize again."
+    )
+
+
 def skins(character: bpy.types.Object) -> Iterator[bpy.types.Object]:
-    """The meshes that an armature deforms."""
+    """The meshes that an armature deforms, by a modifier or as their parent."""
     for thing in bpy.data.objects:
-        if thing.type == "MESH" and any(
-            modifier.type == "ARMATURE" and modifier.object == character for modifier in thing.modifiers
+        if thing.type == "MESH" and (
+            any(modifier.type == "ARMATURE" and modifier.object == character for modifier in thing.modifiers)
+            or (thing.parent == character and thing.parent_type == "ARMATURE")
         ):
             yield thing
 
 
 def _corners(
-    character: bpy.types.Object, mesh: bpy.types.Object, bones: set[str], near: np.ndarray, reach: float
+    character: bpy.types.Object, mesh: bpy.types.Object, bones: set[str], near: np.ndarray, reach: float, share: float
 ) -> Iterator[np.ndarray]:
-    """The corners of a mesh that belong to the bones, as they are at rest, armature space; none farther than `reach`
-    from the place `near`."""
+    """The corners of a mesh of which more than `share` belongs to the bones, as they are at rest, armature space; none
+    farther than `reach` from the place `near`."""
     groups = {group.index for group in mesh.vertex_groups if group.name in bones}
     if not groups:
         return
@@ -240,7 +352,7 @@ def _corners(
     for index in beside.tolist():
         entries = mesh.data.vertices[index].groups
         total = sum(entry.weight for entry in entries)
-        if total > 0.0 and sum(entry.weight for entry in entries if entry.group in groups) > OF_A_FOOT * total:
+        if total > 0.0 and sum(entry.weight for entry in entries if entry.group in groups) > share * total:
             found.append(index)
     if found:
         yield places[found]

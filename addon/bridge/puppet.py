@@ -12,7 +12,7 @@ from ..body_size import clock
 from ..rig import Hold, Rig
 from . import own_rig, rigify
 from .action_writer import BoneSpace, Space
-from .armature import misfit
+from .armature import find_character, misfit
 from .rig_space import RigSpace
 from .scene_time import frame_rate
 
@@ -74,3 +74,17 @@ def puppet_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> Pup
 def is_own_skeleton(character: bpy.types.Object, skeleton: dict) -> bool:
     """Whether an armature is the core's own skeleton, joint for joint."""
     return misfit(character, skeleton) is None
+
+
+def who_acts(context: bpy.types.Context) -> str:
+    """One line about who would get the motion now."""
+    scene, skeleton = context.scene, native.core.skeleton()
+    character = find_character(scene, skeleton)
+    if character is None:
+        person = next(own_rig.people(context.view_layer), None)
+        return "A new mannequin acts" if person is None else f"A new mannequin acts, {person.name} stays as it is"
+    if is_own_skeleton(character, skeleton):
+        return (
+            f"{character.name} acts, Oncue's mannequin" if scene.oncue.character is None else "Oncue's mannequin acts"
+        )
+    return "Your own rig acts"

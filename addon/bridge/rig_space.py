@@ -38,6 +38,10 @@ class RigSpace:
         """The inverse of `channels`, but for the proportions."""
         return self._rig.motion(locations, rotations, frame_rate, self._to_world, self._metres)
 
+    def at(self, _frame: int) -> RigSpace:
+        """The same for motions of one frame of a take."""
+        return self
+
     def rest(self) -> Rest:
         """How the bones hang on each other."""
         return self._hung(None)

@@ -10,6 +10,7 @@ Whether the rig follows is looked at once it is written (`off_by`).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -78,6 +79,15 @@ SWITCHES = [
     ("torso", "neck_follow", 1.0),
     ("torso", "head_follow", 1.0),
 ]
+
+
+#: Other controls that bend the body: what was done by them is no part of a motion.
+BENDING = re.compile(r"^(hips|chest|spine_fk|spine_fk\.001|tweak_spine.*|(thigh|upper_arm)_parent\.[LR]|.+_tweak\..+)$")
+
+
+def bending_controls(character: bpy.types.Object) -> list[str]:
+    """The controls of a Rigify rig that bend its body beside those that a motion is written on."""
+    return [bone.name for bone in character.data.bones if BENDING.match(bone.name)]
 
 
 def is_rigify(character: bpy.types.Object) -> bool:

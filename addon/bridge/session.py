@@ -13,6 +13,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from .. import native
 from ..body_size import clock, report_in_scene, scaled, sentence_in_scene
@@ -31,7 +32,7 @@ from ..pipeline import (
     passes_of,
 )
 from ..scene_frames import CORE_RATE, in_scene_frames
-from . import armature, character_reset, compat, file_state, own_rig, own_seats, pins, rigify
+from . import armature, character_reset, compat, file_state, own_rig, own_seats, pins, rigify, root_motion
 from .action_writer import write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
 from .cue_reader import at_first_frame, hold_seconds, read_task
@@ -98,6 +99,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     character = armature.find_character(context.scene, native.core.skeleton())
     armature.check_chosen(context.scene)
     puppet = file_state.check(context, character)
+    root_motion.check(puppet, settings.root_motion)
     task, notes, manipulations, moving = read_task(context, settings.scene_scale), [], [], ()
     if not hands:
         _one_cue(task)
@@ -148,6 +150,8 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     )
     notes = [*notes, *file_state.remarks(context, character)]
     if puppet.rig is not None and (said := own_rig.girth_remark(character, puppet.rig)):
+        notes.append((character.name, said))
+    if puppet.rig is not None and (said := own_rig.turning_remark(character, puppet.bones)):
         notes.append((character.name, said))
     return request, [*meshes.skipped, *notes]
 
@@ -413,7 +417,10 @@ def write_outcome(
             armature.give_skin(context, character, skeleton)
         settings.character = character
         context.view_layer.update()
-        space = puppet.space(holds=own_rig.holds_of(request.task, request.size))
+        stands = root_motion.stand_of(character)
+        space = puppet.space(stands, own_rig.holds_of(request.task, request.size))
+        floor = float(request.task["start"]["position"][2]) / puppet.metres_per_unit
+        root = root_motion.root_motion_of(puppet, settings.root_motion, floor, stands)
         action = write_action(
             context,
             character,
@@ -422,16 +429,22 @@ def write_outcome(
             name=f"{title_of(request)} seed {request.seed}",
             report=full_report(request, outcome, skipped),
             space=space,
+            root=root,
             contacts=contacts,
             tolerance_mm=settings.key_tolerance if few else None,
             **placed,
         )
+        if (stands != np.array(character.matrix_world)).any():
+            character.matrix_world = Matrix(stands)
         if puppet.is_control_rig:
             _have_controls_followed(context, puppet, space, motion, begins)
         action[TAKE_OF_KEY] = character
         mark_cues(action, report_of(action), request.scene_rate)
         written = action if few else None
-        solved = solved_take(scene, character, puppet.bones, motion, contacts, few=written, space=space, **placed)
+        kept = {"few": written, "space": space if root is None else root.carried, "matrix_world": stands}
+        solved = solved_take(scene, character, puppet.bones, motion, contacts, **kept, **placed)
+        if root is not None:
+            solved = replace(solved, root=f"{root.kind} {root.bone}".strip(), way=root.carried.way)
         keep_solved(action, solved)
     return action
 

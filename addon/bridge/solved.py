@@ -8,7 +8,7 @@ import io
 import zipfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
@@ -23,8 +23,9 @@ from .scene_time import frame_rate
 
 #: More is no motion, bytes: an hour of one takes 200 million.
 LARGEST_TAKE = 500_000_000
-#: The form of what is kept of few keys; the first, which says no number, has a key on every frame.
-FORM = 2
+#: The form of what is kept: the first, which says no number, has a key on every frame, the second few keys, and the
+#: third a body that something carries along its way.
+FEW, FORM = 2, 3
 #: Numbers of a written key: of itself and of its two handles frame and value, and whether it is the artist's own.
 OF_A_KEY = 7
 
@@ -50,6 +51,10 @@ class Solved:
     keys: np.ndarray
     #: The keys of each of these columns then, (keys, OF_A_KEY); None where every frame was keyed.
     written: list[np.ndarray] | None = None
+    #: What carries the body, "BONE name", "OBJECT" or "PLACE", and where that takes it on each of the scene's frames,
+    #: armature space, (scene frames, 4, 4); None where its first bone goes all the way itself.
+    root: str = ""
+    way: np.ndarray | None = None
 
 
 def channels_of(names: list[str]) -> Iterator[tuple[str, str, int]]:
@@ -89,12 +94,15 @@ def solved_take(
     metres_per_unit: float,
     few: bpy.types.Action | None = None,
     space: Space | None = None,
+    matrix_world: np.ndarray | None = None,
 ) -> Solved:
-    """What `write_action` has just written for a motion of the core: on every frame, or few keys into an action."""
+    """What `write_action` has just written for a motion of the core: on every frame, or few keys into an action, of a
+    character that stands where `matrix_world` says, or else as it does."""
     rate = frame_rate(scene)
     space = space or BoneSpace(character, names, metres_per_unit)
     names, keys = space.bones, flat(*space.channels(resample(motion, rate)))
-    solved = Solved(motion, contacts, start_frame, rate, metres_per_unit, np.array(character.matrix_world), keys)
+    world = np.array(character.matrix_world) if matrix_world is None else matrix_world
+    solved = Solved(motion, contacts, start_frame, rate, metres_per_unit, world, keys)
     return solved if few is None else with_written(solved, curves_of(few, character), names, {})
 
 
@@ -108,16 +116,7 @@ def with_written(solved: Solved, curves: Curves, names: list[str], own: dict[int
             keys[:, column] = played(curve, times)
         mine = [(float(row[0]), float(row[1])) in own.get(column, ()) for row in places]
         written.append(np.column_stack([places, np.array(mine, dtype=np.float32)]).reshape(-1, OF_A_KEY))
-    return Solved(
-        solved.motion,
-        solved.contacts,
-        solved.start_frame,
-        solved.scene_rate,
-        solved.metres_per_unit,
-        solved.matrix_world,
-        keys,
-        written,
-    )
+    return replace(solved, keys=keys, written=written)
 
 
 def keep_solved(action: bpy.types.Action, solved: Solved) -> None:
@@ -131,8 +130,12 @@ def keep_solved(action: bpy.types.Action, solved: Solved) -> None:
         "keys": solved.keys.astype(np.float32),
     }
     # Takes of the first form have none of these: every frame of theirs is keyed.
-    if solved.written is not None:
+    if solved.way is not None:
         arrays["form"] = np.array(FORM)
+        arrays["root"], arrays["way"] = np.array(solved.root), solved.way
+    elif solved.written is not None:
+        arrays["form"] = np.array(FEW)
+    if solved.written is not None:
         arrays["counts"] = np.array([len(column) for column in solved.written], dtype=np.int64)
         arrays["written"] = np.concatenate(solved.written).astype(np.float32)
     packed = io.BytesIO()
@@ -161,8 +164,24 @@ def solved_of(action: bpy.types.Action) -> Solved:
                     f"{action.name} is a take of a newer Oncue, which this one cannot read: update it, or synthesize "
                     "again."
                 )
-            written = _columns(kept["counts"], kept["written"]) if form == FORM else None
-        solved = Solved(motion, contacts, int(start_frame), scene_rate, metres_per_unit, matrix_world, keys, written)
+            written = (
+                _columns(kept["counts"], kept["written"])
+                if form == FEW or (form == FORM and "counts" in kept)
+                else None
+            )
+            root, way = (str(kept["root"]), kept["way"]) if form == FORM else ("", None)
+        solved = Solved(
+            motion,
+            contacts,
+            int(start_frame),
+            scene_rate,
+            metres_per_unit,
+            matrix_world,
+            keys,
+            written,
+            root,
+            way,
+        )
         _check_shapes(solved)
         return solved
     except (OSError, ValueError, TypeError, KeyError, EOFError, OverflowError, zipfile.BadZipFile, zlib.error) as error:
@@ -183,12 +202,14 @@ def _check_shapes(solved: Solved) -> None:
     shapes = [solved.motion.root_positions.shape, solved.motion.rotations.shape, solved.contacts.shape]
     arrays = [solved.motion.root_positions, solved.motion.rotations, solved.contacts, solved.keys, solved.matrix_world]
     arrays += solved.written or []
+    arrays += [] if solved.way is None else [solved.way]
     rates = (solved.motion.frame_rate, solved.scene_rate, solved.metres_per_unit)
     if (
         shapes != [(frames, 3), (frames, joints, 4), (frames, 2)]
         or solved.keys.ndim != 2
         or solved.keys.shape[1] % 4 != 3
         or solved.matrix_world.shape != (4, 4)
+        or (solved.way is not None and solved.way.shape != (len(solved.keys), 4, 4))
         or (solved.written is not None and len(solved.written) != solved.keys.shape[1])
         or not all(np.isfinite(array).all() for array in arrays)
         or not min(rates) > 0.0

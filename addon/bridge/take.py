@@ -16,13 +16,14 @@ from ..errors import SceneError
 from ..key_fit import FEET, Channels, places_of
 from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
-from . import compat, own_rig
-from .action_writer import data_path
+from . import compat, own_rig, root_motion
+from .action_writer import Space, data_path
 from .curves import read_places
 from .every_frame import EveryFrame
 from .few_keys import FewKeys
 from .pins import Pin, read_pins, write_pins
 from .puppet import puppet_of
+from .root_motion import OBJECT, PLACE, CarriedSpace
 from .scene_time import frame_rate
 from .solved import channels_of, columns_of, curves_of, flat, keep_solved, motion_frames, solved_of
 
@@ -59,7 +60,11 @@ class Take:
             raise SceneError(f"{character.name} is of another size than when {action.name} was made: synthesize again.")
         puppet = replace(puppet, scene_scale=self.solved.metres_per_unit * puppet.size)
         self._size = puppet.size
-        self._space = puppet.space(self.solved.matrix_world, own_rig.holds_of_action(action, puppet.size))
+        self._space: Space = puppet.space(self.solved.matrix_world, own_rig.holds_of_action(action, puppet.size))
+        #: What carries the body along its way.
+        self._root = root_motion.of_take(puppet, self.solved)
+        if self.solved.way is not None:
+            self._space = CarriedSpace(self._space, character, self.solved.way)
         #: The bones that are keyed.
         self.names = self._space.bones
         if self.solved.keys.shape[1] != 3 + 4 * len(self.names):
@@ -79,7 +84,10 @@ class Take:
                 f"{self.action.name} was made at {self.solved.scene_rate:g} frames a second and the scene runs at "
                 f"{rate:g}: set the frame rate back, or synthesize again."
             )
-        if not np.allclose(np.array(character.matrix_world), self.solved.matrix_world, atol=1e-5):
+        if self._root is not None:
+            root_motion.check_way(self._root, self.solved, self.action, curves_of(self.action, character))
+        stands = np.array(character.matrix_world)
+        if self.solved.root != OBJECT and not np.allclose(stands, self.solved.matrix_world, atol=1e-5):
             raise SceneError(
                 f"{character.name} itself was moved since {self.action.name} was made: move it back, and its "
                 f"{self.names[0]} bone instead."
@@ -97,9 +105,12 @@ class Take:
         """Raises SceneError where the curves do not play what their keys say, or others play along."""
         own = {(data_path(bone, channel), axis) for bone, channel, axis in channels_of(self.names)}
         bones = tuple(f'pose.bones["{bone}"].' for bone in self.names)
+        carrying = () if self._root is None else self._root.paths()
         for curve in compat.action_curves(self.action, character):
             title = f"{curve.data_path}[{curve.array_index}] of {self.action.name}"
             if (curve.data_path, curve.array_index) not in own:
+                if curve.data_path.startswith(carrying):
+                    continue
                 if curve.data_path.startswith(bones) and _stays_at_rest(curve):
                     continue
                 if curve.data_path.startswith((*bones, *OBJECT_CHANNELS)):
@@ -222,14 +233,14 @@ class Take:
         for joint in keyed:
             columns = columns_of(joint)
             posed[columns] = self.keys.shown[frame, columns]
-        mine, core = self._posture(posed), self.solved.motion
+        mine, core = self._posture(posed, frame), self.solved.motion
         # The scene's last frame may lie beyond the core's last, and shows it.
         time = min(frame * core.frame_rate / self.solved.scene_rate, len(core) - 1.0)
         on_frame = abs(time - round(time)) < ON_FRAME
         if on_frame and self._space.is_exact:
             yield round(time), 0.0, mine.root_positions[0], mine.rotations[0]
             return
-        base = self._posture(self._sampled[frame])
+        base = self._posture(self._sampled[frame], frame)
         for core_frame in (round(time),) if on_frame else (int(time), int(time) + 1):
             if core_frame >= len(core):
                 continue
@@ -246,6 +257,11 @@ class Take:
                 raise SceneError(
                     f"{pin.bone} of {self._character.name} is pinned, and pins hold bones of Oncue's own character "
                     "alone: take the pin out, and key the bone."
+                )
+            if self.solved.root == PLACE:
+                raise SceneError(
+                    f"{pin.bone} of {self._character.name} is pinned, and {self.action.name} plays in place, where no "
+                    "bone stands in the scene: take the pin out, and key the bone."
                 )
             step, end = self.solved.motion.frame_rate / self.solved.scene_rate, len(self.solved.motion) - 1.0
             first, last = (min((f - self.solved.start_frame) * step, end) for f in (pin.first_frame, pin.last_frame))
@@ -317,11 +333,12 @@ class Take:
         ]
         write_pins(self.action, [pin for pin in self.pins if not pin.is_key] + _joined(kept))
 
-    def _posture(self, row: np.ndarray) -> Motion:
-        """One row of channels as a motion of one frame; quaternions need no unit length, as in Blender."""
+    def _posture(self, row: np.ndarray, frame: int) -> Motion:
+        """One row of channels as a motion of one frame of the scene's; quaternions need no unit length, as in
+        Blender."""
         rotations = row[3:].reshape(1, -1, 4)
         rotations = rotations / np.maximum(np.linalg.norm(rotations, axis=-1, keepdims=True), 1e-9)
-        return self._space.motion(row[None, :3], rotations, self.solved.scene_rate)
+        return self._space.at(frame).motion(row[None, :3], rotations, self.solved.scene_rate)
 
 
 def _joined(pins: list[Pin]) -> list[Pin]:

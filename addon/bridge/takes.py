@@ -4,11 +4,14 @@
 from __future__ import annotations
 
 import bpy
+import numpy as np
+from mathutils import Matrix
 
 from ..errors import SceneError
 from . import compat
-from .bones import clear_channel, leftovers
+from .bones import keyed_channels, put_to_rest
 from .names import REPORT_KEY, TAKE_OF_KEY
+from .root_motion import stand_of
 
 #: A strip of the NLA lies on a track of this name.
 TRACK = "Oncue"
@@ -49,9 +52,13 @@ def play_take(character: bpy.types.Object, action: bpy.types.Action | None) -> N
             f"{character.name} has a strip open in tweak mode, in which it takes no other action: leave it (Tab in the "
             "NLA editor)."
         )
+    before, stood = keyed_channels(character), stand_of(character)
     if data.action is not None:
         data.action.use_fake_user = True
     data.action = action
+    # Where the one before moved it along it stands again as it stood.
+    if (stood != np.array(character.matrix_world)).any():
+        character.matrix_world = Matrix(stood)
     if action is None:
         return
     compat.play_slot(character)
@@ -60,14 +67,7 @@ def play_take(character: bpy.types.Object, action: bpy.types.Action | None) -> N
     }
     bones = [bone for bone in character.pose.bones if bone.name in names]
     if bones:
-        for bone, channel, _ in list(leftovers(bones)):
-            if not _is_keyed(action, character, bone, channel):
-                clear_channel(bone, channel)
-
-
-def _is_keyed(action: bpy.types.Action, character: bpy.types.Object, bone: bpy.types.PoseBone, channel: str) -> bool:
-    path = f"{bone.path_from_id()}.{'rotation_' if channel == 'rotation' else channel}"
-    return any(curve.data_path.startswith(path) for curve in compat.action_curves(action, character))
+        put_to_rest(bones, before)
 
 
 def discard_take(character: bpy.types.Object, action: bpy.types.Action) -> None:

@@ -25,7 +25,7 @@ def own_character(context: bpy.types.Context) -> bpy.types.Object:
     """The armature of the artist's own that is the scene's character. Raises SceneError where there is none."""
     character = context.scene.oncue.character
     if character is None or character.type != "ARMATURE":
-        raise SceneError("Choose your rig as Character in Oncue's settings first.")
+        raise SceneError("Choose your rig as Character first.")
     if is_own_skeleton(character, native.core.skeleton()):
         raise SceneError(f"{character.name} is Oncue's own character, whose bones are known.")
     if not character.is_editable:

@@ -226,7 +226,7 @@ def test_what_is_said_stands_below_every_button(oncue, stool, handle, draw):
 
 
 def test_the_buttons_rows_are_as_high_while_it_works(oncue, stool, handle, draw, monkeypatch):
-    """One of 1.6 rows, one below it and one of text, at work as at rest."""
+    """Who acts, one of 1.6 rows, one below it and one of text, at work as at rest."""
 
     def rows():
         drawn = draw("synthesize").layout
@@ -235,8 +235,8 @@ def test_the_buttons_rows_are_as_high_while_it_works(oncue, stool, handle, draw,
     at_rest = rows()
     progress = oncue("pipeline").Progress("Optimizing", 0.5, 3, 1.0, 0.2, 12.0, 7.0)
     monkeypatch.setattr(handle, "run", types.SimpleNamespace(progress=lambda: progress, cancelled=False))
-    assert rows() == at_rest == (2, 1)
-    assert draw("synthesize").labels == ["12 s, about 7 s left"]
+    assert rows() == at_rest == (2, 2)
+    assert draw("synthesize").labels[1:] == ["12 s, about 7 s left"]
     assert draw("messages").labels == ["12 s, about 7 s left", "Update 3, success 20 %, reward 1.00"]
 
 
