@@ -278,7 +278,7 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
             progress = handle.run.progress()
             stage = "Stopping" if handle.run.cancelled else progress.stage or handle.title
             stage = f"Waits for {handle.awaited}" if handle.awaited else stage
-            row.progress(factor=min(max(progress.fraction, 0.0), 1.0), text=told(stage))
+            row.progress(factor=min(max(progress.fraction, 0.0), 1.0), text=told_stage(stage))
             layout.operator("oncue.cancel", text="Cancel (Esc)", icon="CANCEL")
         else:
             row.operator("oncue.synthesize", icon="ARMATURE_DATA")
@@ -558,6 +558,12 @@ def told_line(line: str) -> str:
     """A line in the language of the interface, as far in as it was."""
     words = line.lstrip()
     return line[: len(line) - len(words)] + told(words)
+
+
+def told_stage(stage: str) -> str:
+    """A stage in the language of the interface; of several people's the person is named before it."""
+    person, of, rest = stage.rpartition(": ")
+    return f"{person}{of}{told(rest)}"
 
 
 def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:
