@@ -341,11 +341,11 @@ def shot_steps(
     if refused is not None and not shots:
         raise _because_it_moves(refused, first)
     outcomes: list[Outcome | Exception] = []
-    for one, request in zip(min(shots, key=lambda shot: sum(map(_lacks, shot))), requests, strict=True):
-        if isinstance(one, Exception):
-            outcomes.append(one)
+    for made, request in zip(min(shots, key=lambda shot: sum(map(_lacks, shot))), requests, strict=True):
+        if isinstance(made, core.OncueError):
+            outcomes.append(made)
             continue
-        performed, passing = one
+        performed, passing = made
         penetration = None
         if stays is not None:
             looks = _looks(performed, request.moving, 0, request.task, moments_of(performed.report), stays, settings)
@@ -356,7 +356,7 @@ def shot_steps(
 
 def _lacks(one: tuple[core.Performed, core.Passing] | core.OncueError) -> bool:
     """Whether there is something wrong with what was made of a person."""
-    return isinstance(one, Exception) or not one[0].report["success"] or bool(one[1]["meetings"])
+    return isinstance(one, core.OncueError) or not one[0].report["success"] or bool(one[1]["meetings"])
 
 
 #: A motion as the core gives it.
