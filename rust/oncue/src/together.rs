@@ -20,8 +20,9 @@ use crate::settings::Settings;
 
 /// Starts nearer to each other than this are one place, metres.
 const STARTS_APART: f32 = 0.40;
-/// So far from one another two people end, metres: half of the shoulders' breadth each.
+/// So far from one another two people end, metres: half of the shoulders' breadth each, and on seats half of that of the knees.
 const ENDS_APART: f32 = 0.45;
+const SEATS_APART: f32 = 0.55;
 /// Before who sits nobody ends on the thighs: so far ahead of the pelvis, and so far to a side, metres.
 const LAP: (f32, f32) = (0.60, 0.30);
 /// Who is not made yet stands where they start for so many frames: nobody walks through people who have not set out.
@@ -158,7 +159,8 @@ fn check_pair(one: &Performance, other: &Performance) -> Result<()> {
         )));
     }
     let apart = a.position.truncate().distance(b.position.truncate());
-    if apart < ENDS_APART && (a.position.z - b.position.z).abs() < 1.0 {
+    let needed = if a.is_seated() && b.is_seated() { SEATS_APART } else { ENDS_APART };
+    if apart < needed && (a.position.z - b.position.z).abs() < 1.0 {
         return Err(Error::input(format!(
             "Cue ‘{}’ of ‘{}’ and cue ‘{}’ of ‘{}’ are {:.0} cm apart, and two people need {:.0} cm; move one of them aside.",
             a.name,
@@ -166,7 +168,7 @@ fn check_pair(one: &Performance, other: &Performance) -> Result<()> {
             b.name,
             other.start.name,
             100.0 * apart,
-            100.0 * ENDS_APART
+            100.0 * needed
         )));
     }
     Ok(())

@@ -1,7 +1,11 @@
 //! Several people in one shot: who goes by, who waits, who sits beside whom, and what is said where two do not fit.
 
 mod common;
+#[path = "common/shared_tests.rs"]
+mod shared_tests;
 
+use std::path::Path;
+use std::process::ExitCode;
 use std::sync::OnceLock;
 
 use glam::{Vec2, Vec3};
@@ -14,6 +18,26 @@ use oncue::{
 };
 
 use common::boxes::boxes;
+
+fn main() -> ExitCode {
+    let always = shared_tests::always;
+    shared_tests::run(vec![
+        always("who_crosses_a_way_lets_pass_or_goes_round", who_crosses_a_way_lets_pass_or_goes_round),
+        always("two_come_towards_each_other_in_a_corridor", two_come_towards_each_other_in_a_corridor),
+        always("two_share_a_bench_and_nobody_sits_on_anybody", two_share_a_bench_and_nobody_sits_on_anybody),
+        always("who_sits_for_good_is_walked_round", who_sits_for_good_is_walked_round),
+        always("who_waits_stands_and_lives", who_waits_stands_and_lives),
+        always("one_alone_is_as_before", one_alone_is_as_before),
+        always("what_fails_loses_nobody_else_and_is_told", what_fails_loses_nobody_else_and_is_told),
+        always("who_cannot_but_meet_somebody_is_told_of_it", who_cannot_but_meet_somebody_is_told_of_it),
+        always("what_was_made_before_is_taken_from_it", what_was_made_before_is_taken_from_it),
+        always(
+            "what_does_not_fit_is_said_before_anything_is_played",
+            what_does_not_fit_is_said_before_anything_is_played,
+        ),
+        shared_tests::needs("data/rooms", "two_play_in_a_real_room", two_play_in_a_real_room),
+    ])
+}
 
 fn scene(list: &[([f32; 3], [f32; 3])]) -> SceneIndex {
     let (positions, triangles) = boxes(list);
@@ -98,7 +122,6 @@ fn all_succeed(made: &[Performed]) {
     assert!(deepest < TOUCH, "{deepest}");
 }
 
-#[test]
 fn who_crosses_a_way_lets_pass_or_goes_round() {
     // Both at the crossing after as long a way.
     let people = [walk("Ann", [-2.5, 0.0], [2.5, 0.0]), walk("Ben", [0.0, -2.5], [0.0, 1.8])];
@@ -122,7 +145,6 @@ fn who_crosses_a_way_lets_pass_or_goes_round() {
     assert!(other[1].motion == made[0].motion && other[0].motion == made[1].motion);
 }
 
-#[test]
 fn two_come_towards_each_other_in_a_corridor() {
     let corridor = scene(&[
         ([-5.0, -1.0, -0.1], [5.0, 1.0, 0.0]),
@@ -137,7 +159,6 @@ fn two_come_towards_each_other_in_a_corridor() {
     }
 }
 
-#[test]
 fn two_share_a_bench_and_nobody_sits_on_anybody() {
     let people = [sitter("Ann", [-2.0, -1.5], -0.35), sitter("Ben", [2.0, -1.5], 0.35)];
     let made = play(hall(), &people);
@@ -148,7 +169,6 @@ fn two_share_a_bench_and_nobody_sits_on_anybody() {
     }
 }
 
-#[test]
 fn who_sits_for_good_is_walked_round() {
     // A stool in the middle of the way.
     let room = scene(&[([-3.5, -3.5, -0.1], [3.5, 3.5, 0.0]), ([-0.2, -0.2, 0.0], [0.2, 0.2, 0.45])]);
@@ -159,7 +179,6 @@ fn who_sits_for_good_is_walked_round() {
     all_succeed(&made);
 }
 
-#[test]
 fn who_waits_stands_and_lives() {
     // A door of 0.8 m: Ann comes out of it as Ben comes in.
     let room = scene(&[
@@ -172,7 +191,7 @@ fn who_waits_stands_and_lives() {
     all_succeed(&made);
     let ben = &made[1];
     let waited = ben.report.steps[0].waited;
-    assert!(waited > 0 && waited % 3 == 0, "{waited}");
+    assert!(waited > 0 && waited.is_multiple_of(3), "{waited}");
     let head = |frame: usize| ben.motion.postures[frame].pose().positions[10];
     let gone = |frame: usize| {
         ben.motion.postures[frame].root_position.distance(ben.motion.postures[0].root_position)
@@ -190,7 +209,6 @@ fn who_waits_stands_and_lives() {
     assert!(told.complete == ben.report.cues[0].frame && told.complete > waited + 30, "{told:?}");
 }
 
-#[test]
 fn one_alone_is_as_before() {
     let one = walk("Ann", [-2.5, 0.0], [0.5, 0.0]);
     let settings = Settings::default();
@@ -201,7 +219,6 @@ fn one_alone_is_as_before() {
     assert!(made[0].report.others.is_none() && made[0].report.problems == alone.report.problems);
 }
 
-#[test]
 fn what_fails_loses_nobody_else_and_is_told() {
     let mut fails = walk("Ann", [-2.5, 0.0], [0.0, -1.0]);
     fails.steps[0].manipulations =
@@ -214,7 +231,6 @@ fn what_fails_loses_nobody_else_and_is_told() {
     assert!(made[1].as_ref().is_ok_and(|one| one.report.success));
 }
 
-#[test]
 fn who_cannot_but_meet_somebody_is_told_of_it() {
     // Ann stays in the only door of 0.7 m, and Ben has to go through it.
     let room = scene(&[
@@ -233,7 +249,6 @@ fn who_cannot_but_meet_somebody_is_told_of_it() {
     }
 }
 
-#[test]
 fn what_was_made_before_is_taken_from_it() {
     let people = [walk("Ann", [-2.5, 0.0], [-1.0, 1.0]), walk("Ben", [2.5, 0.0], [1.0, 1.0])];
     let made = play(hall(), &people);
@@ -256,7 +271,6 @@ fn what_was_made_before_is_taken_from_it() {
     assert!(other[1].motion == again(&moved, &[])[1].motion);
 }
 
-#[test]
 fn what_does_not_fit_is_said_before_anything_is_played() {
     let said = |people: &[Performance]| {
         let settings = Settings::default();
@@ -280,4 +294,29 @@ fn what_does_not_fit_is_said_before_anything_is_played() {
     floats.steps[0].cue.position.z = 1.3;
     let floats = said(&[walk("Ann", [-2.0, 0.0], [-1.0, 0.0]), floats]);
     assert!(floats.contains("Ben: ") && floats.contains("‘Ben's seat’ floats"), "{floats}");
+}
+
+/// Two people in a room that was scanned: from the starts and to the seats of two of its tasks.
+fn two_play_in_a_real_room(rooms: &Path) {
+    let rows: Vec<_> = common::rooms::read(rooms)
+        .into_iter()
+        .filter(|row| row.room == "quest_living_room")
+        .take(2)
+        .collect();
+    let mesh = common::glb::read(&rooms.join("quest_living_room.glb"));
+    let people: Vec<Performance> = rows
+        .into_iter()
+        .map(|row| {
+            let start = InitialState { name: format!("Start {}", row.number), ..row.task.start };
+            let step =
+                Step { cue: row.task.cue, hold_seconds: None, passes: Vec::new(), manipulations: Vec::new() };
+            Performance { start, steps: vec![step] }
+        })
+        .collect();
+    let places: Vec<Vec3> = people.iter().flat_map(Performance::places).collect();
+    let settings = Settings::default();
+    let scene =
+        SceneIndex::build_for(&mesh.positions, &mesh.triangles, &settings.scene, &places, &Progress::new())
+            .expect("a room");
+    all_succeed(&play(&scene, &people));
 }

@@ -202,9 +202,11 @@ impl Company<'_> {
                 return None;
             }
             let ends = begins + bodies.len();
-            let met =
+            let on_the_way =
                 bodies.par_iter().enumerate().any(|(frame, body)| self.meets(body, begins + frame, near));
-            if !met && !(self.stays && (ends..moves.max(ends)).any(|frame| self.meets(last, frame, near))) {
+            let afterwards =
+                || self.stays && (ends..moves.max(ends)).any(|frame| self.meets(last, frame, near));
+            if !(on_the_way || afterwards()) {
                 return Some(wait);
             }
         }
