@@ -2,7 +2,7 @@
 //!
 //! They are made one after the other, by where they start (smaller x first, then smaller y), so that neither names nor the order
 //! of a list make a difference. Each sees those who were made before wherever they are on every frame, and goes round them, waits for
-//! them or sits beside them ([`crate::perform`]); of those who come after it sees that they stand where they start.
+//! them or sits beside them ([`crate::perform()`]); of those who come after it sees that they stand where they start.
 
 use glam::Vec3;
 
@@ -30,7 +30,7 @@ const SETS_OUT: usize = 150;
 
 /// Plays the performances of several people in one shot, each in `performances`' order; all begin at once, and who is done stays.
 /// `earlier`: people who were made before; steps that follow from the same as then are taken from them. One alone is what
-/// [`crate::perform`] makes.
+/// [`crate::perform()`] makes.
 ///
 /// People do not come into each other where a way past one another is found; where none is, [`crate::report::Report::others`] and
 /// `problems` of both say who is in whom. Who cannot be played at all is an error in their place, and stands at the start for the
