@@ -17,7 +17,7 @@ from .bridge import compat, session
 from .bridge.policies import policy_cache
 from .errors import SceneError
 from .files import check_writable, write_whole
-from .pipeline import LibraryCache, Progress, run_blocking, synthesis_steps
+from .pipeline import LibraryCache, Outcome, Progress, run_blocking, shot_steps
 from .properties import LARGEST_INTEGER, LAST_FRAME, SCENE_SCALES
 
 #: Exit statuses: done; no result; written, but a cue was not met or the motion has another problem. argparse has one of
@@ -116,10 +116,16 @@ def synthesize(options: argparse.Namespace) -> int:
         raise SceneError("Oncue is not enabled in this Blender.")
     apply_options(context.scene, options)
     print("Oncue: reading the scene", flush=True)
-    request, skipped = session.read_request(context)
-    outcome = run_blocking(synthesis_steps(request, LibraryCache(), policy_cache(context)), ProgressPrinter())
-    action = session.write_outcome(context, request, outcome, skipped)
-    report = session.report_of(action)
+    requests, skipped = session.read_shot(context)
+    outcomes = run_blocking(shot_steps(requests, LibraryCache(), policy_cache(context)), ProgressPrinter())
+    pairs = list(zip(requests, outcomes, strict=True))
+    made = [(request, one, skipped) for request, one in pairs if isinstance(one, Outcome)]
+    if len(pairs) == 1:
+        report = session.report_of(session.write_outcome(context, *made[0]))
+    else:
+        refused = [(request.person, native.sentence(one)) for request, one in pairs if isinstance(one, Exception)]
+        reports = [session.report_of(action) for action in session.write_shot(context, made)]
+        report = session.shot_report(reports, refused, requests[0].seed)
     save(options.out)
     if options.report:
         write_json(options.report, report)

@@ -19,7 +19,7 @@ from .bridge.cue_objects import KINDS
 from .bridge.names import CUE_KEY
 from .bridge.pins import read_pins
 from .bridge.session import current_action
-from .bridge.shown_cues import FEET, HANDS, PASS, played_cues, visible_cues
+from .bridge.shown_cues import FEET, HANDS, PASS, played_cues, several_starts, visible_cues
 
 Lines = list[tuple[Vector, Vector]]
 LINE_WIDTH = 2.0
@@ -135,11 +135,11 @@ def pin_lines(context: bpy.types.Context) -> Lines:
 
 def numbers(context: bpy.types.Context) -> list[tuple[str, Vector, tuple]]:
     """What stands beside each of several cues: its place in the order, where, world space, and its colour."""
-    played = played_cues(context)
-    if len(played) < 2:
-        return []
+    orders = [played_cues(context, start) for start in several_starts(context) or [None]]
     return [
         (str(number), cue.matrix_world.translation, KINDS[cue[CUE_KEY]][3])
+        for played in orders
+        if len(played) > 1
         for number, cue in enumerate(played, 1)
         if cue.visible_get()
     ]

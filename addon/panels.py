@@ -9,12 +9,12 @@ from pathlib import Path
 import bpy
 
 from . import body_size, native
-from .bridge import own_rig, session, takes
+from .bridge import own_rig, people, session, takes
 from .bridge.cue_objects import KINDS
 from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
 from .bridge.puppet import is_own_skeleton, who_acts
-from .bridge.shown_cues import ENDS, FEET, HANDS, PASS, end_cues, played_cues, visible_cues
+from .bridge.shown_cues import ENDS, FEET, HANDS, PASS, end_cues, person_of, played_cues, visible_cues
 from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .foreign_captures import SUFFIXES as FOREIGN
 from .job_operator import handle
@@ -61,11 +61,15 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
             for kind, text in (("sit", "Then Sit"), ("stop", "Then Stop")):
                 button = row.operator("oncue.place_cue", text=text, icon=CUE_ICONS[kind])
                 button.kind, button.then = kind, True
+            layout.operator("oncue.add_person", icon="COMMUNITY")
         header, limbs = layout.panel("oncue_limbs", default_closed=True)
         header.label(text="Feet and Hands")
         if limbs:
             _draw_limbs(limbs.column(align=True))
         column = layout.column(align=True)
+        if found := people.cast(context):
+            _draw_people(context, column, found)
+            return
         order = list(KINDS)
         cues = sorted(visible_cues(context, *KINDS), key=lambda cue: order.index(cue[CUE_KEY]))
         if len(played) > 1:
@@ -89,6 +93,36 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
             column.label(text="No Start cue yet", icon="INFO")
         if not kinds & set(ENDS):
             column.label(text="No Sit or Stop cue yet", icon="INFO")
+
+
+def _draw_people(context: bpy.types.Context, column: bpy.types.UILayout, found: list[people.Person]) -> None:
+    """Several people: each with the character and the cues, as they are played in order, and what is nobody's."""
+    frames, acting = session.frames_of_cues(context), context.scene.oncue.character
+    for person in found:
+        box = column.box().column(align=True)
+        row, name = box.row(align=True), person.start.name
+        chosen = person.character is not None and person.character == acting
+        row.operator(
+            "oncue.choose_person", text=name, icon=CUE_ICONS["start"], depress=chosen, translate=False
+        ).start = name
+        character = person.character
+        row.label(text=character.name if character else told("A mannequin"), icon="ARMATURE_DATA", translate=False)
+        played = played_cues(context, person.start)
+        for cue in played:
+            row = box.row(align=True)
+            _draw_step(row, cue, played, frames.get(cue.name))
+            if HOLD_KEY in cue:
+                row.prop(cue, f'["{HOLD_KEY}"]', text="Stays (s)")
+        if not any(cue[CUE_KEY] in ENDS for cue in played):
+            box.label(text="No Sit or Stop cue yet", icon="INFO")
+    starts = [person.start for person in found]
+    for cue in (cue for cue in played_cues(context) if person_of(context, cue, starts) is None):
+        column.label(text=told(f"{cue.name} is nobody's"), icon="ERROR")
+    for foot in visible_cues(context, *FEET):
+        column.label(text=foot.name, icon="DOT", translate=False)
+    row = column.row(align=True)
+    row.operator("oncue.give_to_person", icon="LINKED")
+    row.operator("oncue.act_by", icon="ARMATURE_DATA")
 
 
 def _draw_step(row: bpy.types.UILayout, cue: bpy.types.Object, played: list, frame: int | None) -> None:
@@ -258,7 +292,7 @@ class ONCUE_PT_synthesize(OncuePanel, bpy.types.Panel):
             progress = handle.run.progress()
             stage = "Stopping" if handle.run.cancelled else progress.stage or handle.title
             stage = f"Waits for {handle.awaited}" if handle.awaited else stage
-            row.progress(factor=min(max(progress.fraction, 0.0), 1.0), text=told(stage))
+            row.progress(factor=min(max(progress.fraction, 0.0), 1.0), text=told_stage(stage))
             layout.operator("oncue.cancel", text="Cancel (Esc)", icon="CANCEL")
         else:
             row.operator("oncue.synthesize", icon="ARMATURE_DATA")
@@ -445,6 +479,8 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
     if moving.get("meetings"):
         met = ", ".join(meeting["object"] for meeting in moving["meetings"])
         lines.append((f"    in what moves ({met}) in {moving['percent']:.1f} %", "BLANK1"))
+    if others := report.get("others"):
+        lines.append((f"In other people in {others['percent']:.1f} % of the frames", "BLANK1"))
     seconds = report.get("extension", {}).get("seconds", {})
     if seconds:
         lines.append((f"Made in {sum(seconds.values()):.0f} s, seed {report.get('seed', 0)}", "TIME"))
@@ -540,6 +576,12 @@ def told_line(line: str) -> str:
     """A line in the language of the interface, as far in as it was."""
     words = line.lstrip()
     return line[: len(line) - len(words)] + told(words)
+
+
+def told_stage(stage: str) -> str:
+    """A stage in the language of the interface; of several people's the person is named before it."""
+    person, of, rest = stage.rpartition(": ")
+    return f"{person}{of}{told(rest)}"
 
 
 def write_lines(context: bpy.types.Context, layout: bpy.types.UILayout, text: str, icon: str) -> None:

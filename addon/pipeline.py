@@ -127,6 +127,8 @@ class Request:
     size: float = 1.0
     #: The task in the scene's own metres and seconds; None where it is the same.
     asked: Asked | None = None
+    #: Of several people whose it is: the name of their start.
+    person: str = ""
 
 
 @dataclass(frozen=True)
@@ -220,6 +222,8 @@ class Earlier:
 
     def __init__(self) -> None:
         self.performed: core.Performed | None = None
+        #: And the people who were made last.
+        self.people: list[core.Performed] = []
 
 
 def synthesis_steps(
@@ -280,6 +284,79 @@ def synthesis_steps(
             looks = _looks(synthesis, request.moving, passing["wait"], *seen)
             penetration = (yield from looks)["penetration"]
     return Outcome(synthesis, seconds, captures, passing, penetration)
+
+
+def shot_steps(
+    requests: list[Request], cache: LibraryCache, policies: PolicyCache | None = None, earlier: Earlier | None = None
+) -> Steps[list[Outcome | Exception]]:
+    """The whole run of a shot: what each person's request gives, or why it gives nothing.
+
+    All play in the first one's scene, on one clock. Raises where nothing can be made of any.
+    """
+    first, earlier = requests[0], earlier or Earlier()
+    if len(requests) == 1:
+        return [(yield from synthesis_steps(first, cache, policies, earlier))]
+    seconds: dict[str, float] = {}
+    for request in requests:
+        _log_request(request)
+    manifold = read_manifold(first.manifold)
+    settings = merged(core.default_settings(first.preset), first.overrides)
+    with _timed(seconds, "library"):
+        library, captures = yield from library_steps(first.library, cache)
+    asked = [several for request in requests if (several := performance_of(request.task))]
+    stays = None
+    if first.moving and len(first.triangles):
+        with _timed(seconds, "scene_index"):
+            still = first.positions, first.triangles
+            stays = yield from finish(core.index_scene(*still, settings["scene"], asked))
+    shots: list[list[tuple[core.Performed, core.Passing] | core.OncueError]] = []
+    refused: Exception | None = None
+    for positions, triangles in _scenes(first):
+        with _timed(seconds, "scene_index"):
+            scene = yield from finish(core.index_scene(positions, triangles, settings["scene"], asked))
+        try:
+            with (
+                _timed(seconds, "synthesis"),
+                told_in_scene_frames(first.start_frame, first.scene_rate, first.size),
+            ):
+                kept = policies.find(scene, library) if policies else None
+                given = (settings, first.seed, kept, manifold, earlier.people)
+                people = yield from finish(core.perform_together(scene, library, asked, *given))
+        except SceneError as error:
+            refused = refused or error
+            continue
+        earlier.people = [one for one in people if isinstance(one, core.Performed)]
+        shot: list[tuple[core.Performed, core.Passing] | core.OncueError] = []
+        with _timed(seconds, "moving"):
+            for one, request in zip(people, requests, strict=True):
+                if isinstance(one, core.Performed):
+                    # Who waited for what moves would meet the others at another time.
+                    floor = request.task["start"]["position"][2]
+                    shot.append((one, (yield from _past(first.moving, one, floor, False, 0))))
+                else:
+                    shot.append(one)
+        shots.append(shot)
+        if not any(_lacks(one) for one in shot):
+            break
+    if refused is not None and not shots:
+        raise _because_it_moves(refused, first)
+    outcomes: list[Outcome | Exception] = []
+    for made, request in zip(min(shots, key=lambda shot: sum(map(_lacks, shot))), requests, strict=True):
+        if isinstance(made, core.OncueError):
+            outcomes.append(made)
+            continue
+        performed, passing = made
+        penetration = None
+        if stays is not None:
+            looks = _looks(performed, request.moving, 0, request.task, moments_of(performed.report), stays, settings)
+            penetration = (yield from looks)["penetration"]
+        outcomes.append(Outcome(performed, seconds, captures, passing, penetration))
+    return outcomes
+
+
+def _lacks(one: tuple[core.Performed, core.Passing] | core.OncueError) -> bool:
+    """Whether there is something wrong with what was made of a person."""
+    return isinstance(one, core.OncueError) or not one[0].report["success"] or bool(one[1]["meetings"])
 
 
 #: A motion as the core gives it.

@@ -277,7 +277,7 @@ SCENES = [
     Situation("the start in the table", lambda: moved("start", (0, 1.2, 0)), "inside furniture or a wall"),
     Situation("no start", lambda: bpy.data.objects.remove(cue("start")), "There is no Start"),
     Situation("no end cue", lambda: bpy.data.objects.remove(cue("sit")), "There is no"),
-    Situation("two starts", lambda: another("start"), "There are 2 Start cues"),
+    Situation("two starts", lambda: another("start"), "is a cue of nobody"),
     Situation("a sit cue and a stop cue", lambda: another("stop")),
     Situation("a sit cue 1 m over the stool", lambda: up("sit", 1.0), "floats"),
     Situation("a sit cue under the floor", lambda: up("sit", -1.2), "below the floor"),

@@ -20,11 +20,20 @@ from .names import (
     GIVEN_YAW_KEY,
     HOLD_KEY,
     LAST_FRAME_KEY,
+    PERSON_KEY,
     STEP_KEY,
     oncue_collection,
 )
 from .scene_time import may_move
-from .shown_cues import PASS, PLAYED, end_cues, played_cues, visible_cues
+from .shown_cues import (
+    PASS,
+    PLAYED,
+    end_cues,
+    played_cues,
+    several_starts,
+    visible_cues,
+    worked_on,
+)
 from .what_counts import is_shown, things_of
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
@@ -95,12 +104,15 @@ def place_cue(
     """Moves the visible cue of this kind there, or makes one; selects it.
 
     A sit and a stop take each other's place; of several the active one moves, else the last. With `then` another one is
-    made, which is played after those that are there. A pass is always another one: see `_pass_comes`.
+    made, which is played after those that are there. A pass is always another one: see `_pass_comes`. Of several people
+    it is about the one who is worked on.
     """
     label, shape, size, color = KINDS[kind]
-    there = visible_cues(context, "start") if kind == "start" else end_cues(context)
+    person = worked_on(context)
+    starts = [person] if person else visible_cues(context, "start")
+    there = starts if kind == "start" else end_cues(context, person)
     if kind == PASS or (then and kind != "start"):
-        played = played_cues(context)
+        played = played_cues(context, person)
         at = _pass_comes(context, played) if kind == PASS else len(played)
         number_steps(played[:at])
         number_steps(played[at:], at + 2)
@@ -121,6 +133,8 @@ def place_cue(
     if kind == "start":
         cue[GIVEN_YAW_KEY] = yaw
     else:
+        if person is not None:
+            cue[PERSON_KEY] = person
         if kind != PASS and HOLD_KEY not in cue:
             cue[HOLD_KEY] = 1.0
             cue.id_properties_ui(HOLD_KEY).update(
@@ -130,6 +144,40 @@ def place_cue(
         _turn_start(context)
     _select(context, cue)
     return cue
+
+
+def add_person(context: bpy.types.Context, position, metres_per_unit: float) -> bpy.types.Object:
+    """Another start, with no cues yet; selects it. Cues that were the only person's stay that one's.
+
+    Raises SceneError where one of them is linked.
+    """
+    starts = visible_cues(context, "start")
+    if len(starts) == 1:
+        give_to_person(played_cues(context), starts[0])
+    yaw = starts[-1].matrix_world.to_euler().z if starts else 0.0
+    start = make_cue(context, "start", position, yaw, metres_per_unit=metres_per_unit)
+    start[GIVEN_YAW_KEY] = yaw
+    _select(context, start)
+    return start
+
+
+def give_to_person(cues: list[bpy.types.Object], start: bpy.types.Object) -> None:
+    """Has these cues be of the person who starts there. Raises SceneError where one is linked."""
+    for cue in cues:
+        if cue.get(PERSON_KEY) == start:
+            continue
+        if not cue.is_editable:
+            raise SceneError(f"{cue.name} is linked and cannot be given to a person: hide it, and press again.")
+        cue[PERSON_KEY] = start
+
+
+def given_cues(context: bpy.types.Context) -> tuple[list[bpy.types.Object], bpy.types.Object]:
+    """The selected cues and the start that is active, to which they are to be given. Raises SceneError."""
+    start, cues = context.active_object, visible_cues(context, *PLAYED)
+    chosen = [cue for cue in cues if cue.select_get()]
+    if start is None or start.get(CUE_KEY) != "start" or not chosen:
+        raise SceneError("Select Sit, Stop and Pass cues, and last the Start cue of the person whose they are to be.")
+    return chosen, start
 
 
 def _pass_comes(context: bpy.types.Context, played: list[bpy.types.Object]) -> int:
@@ -182,7 +230,7 @@ def _turn_start(context: bpy.types.Context) -> None:
         given, now = start.get(GIVEN_YAW_KEY), yaw_from_heading(math.atan2(forward.y, forward.x))
         if isinstance(given, float) and abs(math.remainder(now - given, math.tau)) < UNTURNED:
             place = start.matrix_world.translation
-            start[GIVEN_YAW_KEY] = yaw = facing_on_the_way(context, "start", place)
+            start[GIVEN_YAW_KEY] = yaw = facing_on_the_way(context, "start", place, person=start)
             start.matrix_world = Matrix.Translation(place) @ Matrix.Rotation(yaw, 4, "Z")
 
 
@@ -263,12 +311,19 @@ def animated_range(thing: bpy.types.Object | None) -> tuple[int, int] | None:
     return None
 
 
-def facing_on_the_way(context: bpy.types.Context, kind: str, place: Vector, then: bool = False) -> float:
+def facing_on_the_way(
+    context: bpy.types.Context,
+    kind: str,
+    place: Vector,
+    then: bool = False,
+    person: bpy.types.Object | None = None,
+) -> float:
     """A first guess of a standing cue's yaw: a start looks towards the first cue, a stop away from where one comes.
 
-    That is the start, or with `then` the last cue.
+    That is the start, or with `then` the last cue; of several people those of `person`, else of who is worked on.
     """
-    played, starts = played_cues(context), visible_cues(context, "start")
+    person = (person or worked_on(context)) if several_starts(context) else None
+    played, starts = played_cues(context, person), [person] if person else visible_cues(context, "start")
     others = played[:1] if kind == "start" else played[-1:] if then else starts[:1]
     for other in others:
         way = other.matrix_world.translation - Vector(place)

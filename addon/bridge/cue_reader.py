@@ -11,7 +11,7 @@ from ..errors import SceneError
 from .cue_objects import forward_of
 from .names import CUE_KEY, HOLD_KEY
 from .scene_time import current_frame_kept, may_move, moving
-from .shown_cues import FEET, PASS, PLAYED, end_cues, played_cues, visible_cues
+from .shown_cues import FEET, PASS, PLAYED, end_cues, person_of, played_cues, visible_cues
 
 #: Longer nobody stays, seconds.
 LONGEST_HOLD = 600.0
@@ -19,18 +19,30 @@ LONGEST_HOLD = 600.0
 STEEPEST = math.sin(math.radians(80.0))
 
 
-def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_drawn: bool = False) -> dict:
+def read_task(
+    context: bpy.types.Context,
+    metres_per_unit: float = 1.0,
+    *,
+    as_drawn: bool = False,
+    start: bpy.types.Object | None = None,
+) -> dict:
     """The task as the core takes it, of several sit and stop cues the performance: metres, radians.
 
     Raises SceneError naming the cue that is missing, too many, or leads nowhere. `as_drawn`: as the view shows it now,
-    without evaluating anything.
+    without evaluating anything. `start`: of several people's, whose performance it is, of however many cues.
     """
-    start = _only_one(
+    several = start is not None
+    start = start or _only_one(
         visible_cues(context, "start"),
         "There is no Start cue: place one where the character begins (Oncue tab, Start).",
         "There are {count} Start cues ({names}): hide or delete all but one.",
     )
-    ends = end_cues(context)
+    ends = end_cues(context, start)
+    if not ends and several:
+        raise SceneError(
+            f"{start.name} has no Sit or Stop cue of its own: select it and place one (Oncue tab, Sit or Stop), "
+            "or hide it."
+        )
     if not ends:
         raise SceneError(
             "There is no Sit or Stop cue: place one where the character is to end (Oncue tab, Sit or Stop)."
@@ -39,7 +51,8 @@ def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_dr
     begins = {"name": start.name, **_placement(start, depsgraph, metres_per_unit)}
     steps: list[dict] = []
     passes: list[dict] = []
-    for cue in played_cues(context):
+    alone = len(ends) == 1 and not several
+    for cue in played_cues(context, start):
         if cue[CUE_KEY] == PASS:
             passes.append({"name": cue.name, "position": _position(cue, depsgraph, metres_per_unit)})
             continue
@@ -47,7 +60,7 @@ def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_dr
             "name": cue.name,
             "action_type": cue[CUE_KEY],
             **_placement(cue, depsgraph, metres_per_unit),
-            "feet": [_foot(context, depsgraph, kind, cue, len(ends) == 1, metres_per_unit) for kind in FEET],
+            "feet": [_foot(context, depsgraph, kind, cue, alone, metres_per_unit) for kind in FEET],
         }
         # They are passed on the way to the next cue at which the person stays.
         steps.append({"cue": asked, "hold_seconds": _hold_of(cue), **({"passes": passes} if passes else {})})
@@ -57,7 +70,7 @@ def read_task(context: bpy.types.Context, metres_per_unit: float = 1.0, *, as_dr
             f"{passes[-1]['name']} is a Pass cue that nothing follows: place a Sit or Stop cue after it, or move it up "
             "in the list."
         )
-    if len(steps) == 1:
+    if len(steps) == 1 and not several:
         return {"start": begins, **{name: part for name, part in steps[0].items() if name != "hold_seconds"}}
     return {"start": begins, "steps": steps}
 
@@ -82,14 +95,22 @@ def _hold_of(cue: bpy.types.Object) -> float | None:
 
 
 def at_first_frame(
-    context: bpy.types.Context, task: dict, first_frame: int, metres_per_unit: float = 1.0
+    context: bpy.types.Context,
+    task: dict,
+    first_frame: int,
+    metres_per_unit: float = 1.0,
+    start: bpy.types.Object | None = None,
 ) -> tuple[dict, list[tuple[str, str]]]:
     """A task that was just read, with its cues as they stand at `first_frame` where some move by themselves; and (cue,
     sentence) of each of these.
 
-    Where the playhead stands then makes no difference. It may go through the frames.
+    Where the playhead stands then makes no difference. It may go through the frames. `start`: as of `read_task`.
     """
-    animated = [cue for cue in visible_cues(context, "start", *PLAYED, *FEET) if may_move(cue)]
+    shown = visible_cues(context, "start", *PLAYED, *FEET)
+    if start is not None:
+        own = [start, *played_cues(context, start)]
+        shown = [cue for cue in shown if cue in own or cue.parent in own]
+    animated = [cue for cue in shown if may_move(cue)]
     moved = moving(context, animated, first_frame) if animated else []
     if not moved:
         return task, []
@@ -97,9 +118,20 @@ def at_first_frame(
     if (scene.frame_current, scene.frame_subframe) != (first_frame, 0.0):
         with current_frame_kept(scene):
             scene.frame_set(first_frame)
-            task = read_task(context, metres_per_unit)
+            task = read_task(context, metres_per_unit, start=start)
     said = "{} is animated: it was read as it stands at frame {}, where the motion begins."
     return task, [(cue.name, said.format(cue.name, first_frame)) for cue in moved]
+
+
+def check_nobodys(context: bpy.types.Context) -> None:
+    """Raises SceneError for a cue of nobody, where several people start."""
+    starts = visible_cues(context, "start")
+    for cue in visible_cues(context, *PLAYED):
+        if person_of(context, cue, starts) is None:
+            raise SceneError(
+                f"{cue.name} is a cue of nobody, and {len(starts)} people start: select it, and last the Start cue "
+                "of its person, and press Give to Person, or hide it."
+            )
 
 
 def _only_one(cues: list[bpy.types.Object], none: str, many: str) -> bpy.types.Object:

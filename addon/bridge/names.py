@@ -14,6 +14,10 @@ HOLD_KEY = "oncue_hold_seconds"
 #: On a sit, stop or pass cue: its place in the order in which several are played, from 1; those without come last, by
 #: name.
 STEP_KEY = "oncue_step"
+#: On a sit, stop or pass cue: the start (the object) of the person who plays it; needed where several people start.
+PERSON_KEY = "oncue_person"
+#: On a start cue: the armature of the person who starts there; needed where several people start.
+ACTS_KEY = "oncue_acts"
 #: On a start cue: the yaw that its button gave it, radians; one that the artist has turned since stays as it is.
 GIVEN_YAW_KEY = "oncue_given_yaw"
 #: On the armature and the meshes of a character: no part of the scene where it is the one that is moved, and in the way

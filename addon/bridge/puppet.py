@@ -15,6 +15,7 @@ from .action_writer import BoneSpace, Space
 from .armature import find_character, misfit
 from .rig_space import RigSpace
 from .scene_time import frame_rate
+from .shown_cues import visible_cues
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,8 @@ def is_own_skeleton(character: bpy.types.Object, skeleton: dict) -> bool:
 def who_acts(context: bpy.types.Context) -> str:
     """One line about who would get the motion now."""
     scene, skeleton = context.scene, native.core.skeleton()
+    if len(visible_cues(context, "start")) > 1:
+        return "Each person acts by a character of their own"
     character = find_character(scene, skeleton)
     if character is None:
         person = next(own_rig.people(context.view_layer), None)

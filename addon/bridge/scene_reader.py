@@ -80,14 +80,16 @@ def read_scene(
     exclude: bpy.types.Collection | None = None,
     metres_per_unit: float = 1.0,
     scale_confirmed: bool = True,
+    cast: tuple[bpy.types.Object, ...] = (),
 ) -> SceneMeshes:
-    """Reads the scene as the viewport shows it at the current frame.
+    """Reads the scene as the viewport shows it at the current frame, without the `cast`: several characters that a run
+    moves.
 
     Raises SceneError when nothing can be collided with, and, unless the scale is confirmed, ScaleError when the
     scene's size says that it was not modelled in metres.
     """
     with copies_outside(context) as copies:
-        meshes = _read_meshes(context, Furniture(context, exclude), copies, metres_per_unit)
+        meshes = _read_meshes(context, Furniture(context, exclude, cast), copies, metres_per_unit)
     if not scale_confirmed:
         _check_scale(context, meshes)
     return meshes

@@ -32,13 +32,13 @@ from ..pipeline import (
     passes_of,
 )
 from ..scene_frames import CORE_RATE, in_scene_frames
-from . import armature, character_reset, compat, file_state, own_rig, own_seats, pins, rigify, root_motion
-from .action_writer import write_action
+from . import armature, character_reset, compat, file_state, own_rig, own_seats, people, pins, rigify, root_motion
+from .action_writer import fit_end, write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
-from .cue_reader import at_first_frame, hold_seconds, read_task
+from .cue_reader import at_first_frame, check_nobodys, hold_seconds, read_task
 from .hand_reader import core_frames, read_manipulations
 from .moving_reader import read_moving, taken_as_it_stands
-from .names import CHARACTER_KEY, LIVE_KEY, REPORT_KEY, TAKE_OF_KEY
+from .names import ACTS_KEY, CHARACTER_KEY, LIVE_KEY, REPORT_KEY, TAKE_OF_KEY
 from .puppet import Puppet, is_own_skeleton, puppet_of
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
@@ -154,6 +154,81 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
     if puppet.rig is not None and (said := own_rig.turning_remark(character, puppet.bones)):
         notes.append((character.name, said))
     return request, [*meshes.skipped, *notes]
+
+
+def read_shot(context: bpy.types.Context) -> tuple[list[Request], list[tuple[str, str]]]:
+    """The same of each of several people who start, by their starts' names; of one alone what `read_request` gives.
+
+    They play in one scene, without one another. Raises SceneError; changes nothing.
+    """
+    native.require()
+    found = people.cast(context)
+    if not found:
+        request, notes = read_request(context)
+        return [request], notes
+    settings = context.scene.oncue
+    scale, first_frame = settings.scene_scale, settings.start_frame
+    armature.check_chosen(context.scene)
+    check_nobodys(context)
+    puppets = [file_state.check(context, person.character) for person in found]
+    size, sizes = puppets[0].size, [puppet.size for puppet in puppets]
+    if max(sizes) - min(sizes) > SAME_SIZE:
+        raise SceneError(
+            f"The characters of {found[0].start.name} and the others are of different sizes ({min(sizes):.2f} to "
+            f"{max(sizes):.2f} times Oncue's own), and people in one shot are of one size: hide the starts of those "
+            "who are not."
+        )
+    if hands := visible_cues(context, *HANDS):
+        raise SceneError(
+            f"Hands follow their cues ({', '.join(hand.name for hand in hands)}) where one person starts, and "
+            f"{len(found)} do: hide the hand cues, or all Start cues but one."
+        )
+    tasks = [read_task(context, scale, start=person.start) for person in found]
+    library = library_choice(context.scene)
+    characters = tuple(person.character for person in found if person.character is not None)
+    meshes = read_scene(
+        context,
+        exclude=settings.exclude,
+        metres_per_unit=puppets[0].metres_per_unit,
+        scale_confirmed=settings.scale_confirmed,
+        cast=characters,
+    )
+    notes: list[tuple[str, str]] = []
+    for at, person in enumerate(found):
+        file_state.check_over_time(context, person.character)
+        tasks[at], said = at_first_frame(context, tasks[at], first_frame, scale, person.start)
+        notes += said
+    rate = puppets[0].frame_rate(context.scene)
+    positions, triangles, owners, moving, said = read_moving(
+        context, meshes, first_frame, puppets[0].metres_per_unit, rate
+    )
+    requests = [
+        Request(
+            positions,
+            triangles,
+            own_seats.for_body(context, task, puppet),
+            library,
+            settings.preset,
+            settings.seed,
+            overrides_of(settings),
+            manifold_path(context.scene),
+            first_frame,
+            rate,
+            moving,
+            owners,
+            tuple(meshes.names),
+            size,
+            task,
+            person.start.name,
+        )
+        for person, puppet, task in zip(found, puppets, tasks, strict=True)
+    ]
+    notes += said
+    for person, puppet in zip(found, puppets, strict=True):
+        notes += file_state.remarks(context, person.character)
+        if puppet.rig is not None and (remark := own_rig.girth_remark(person.character, puppet.rig)):
+            notes.append((person.character.name, remark))
+    return requests, list(dict.fromkeys([*meshes.skipped, *notes]))
 
 
 def with_cues(context: bpy.types.Context, request: Request) -> Request:
@@ -317,7 +392,8 @@ def edited_report(report: dict, request: EditRequest, outcome: EditOutcome, skip
     if outcome.measured is None:
         return report
     seen = {name: value for name, value in outcome.measured.items() if value is not None}
-    kept = {name: value for name, value in report.items() if name not in outcome.measured}
+    # Other people of the shot are by now among what moves.
+    kept = {name: value for name, value in report.items() if name not in {*outcome.measured, "others"}}
     extension = {**report.get("extension", {}), "skipped_objects": _skipped(skipped)}
     told = _told({**seen, "extension": extension}, request, outcome.passing, request.start_frame)
     return {**kept, **report_in_scene(seen, request.size), **told}
@@ -396,7 +472,8 @@ def write_outcome(
         native.core.skeleton(),
         outcome.synthesis,
     )
-    character = armature.find_character(scene, skeleton)
+    person = people.person_named(context, request.person) if request.person else None
+    character = person.character if person else armature.find_character(scene, skeleton)
     # The artist may have changed it since the run began.
     puppet = file_state.check(context, character)
     if abs(puppet.size - request.size) > SAME_SIZE:
@@ -416,6 +493,8 @@ def write_outcome(
         elif puppet.rig is None and character.get(CHARACTER_KEY):
             armature.give_skin(context, character, skeleton)
         settings.character = character
+        if person is not None and people.acts(scene, person.start) != character:
+            person.start[ACTS_KEY] = character
         context.view_layer.update()
         stands = root_motion.stand_of(character)
         space = puppet.space(stands, own_rig.holds_of(request.task, request.size))
@@ -447,6 +526,41 @@ def write_outcome(
             solved = replace(solved, root=f"{root.kind} {root.bone}".strip(), way=root.carried.way)
         keep_solved(action, solved)
     return action
+
+
+def write_shot(
+    context: bpy.types.Context, made: list[tuple[Request, Outcome, list[tuple[str, str]]]]
+) -> list[bpy.types.Action]:
+    """The actions of several people, each on its own character; the scene ends no earlier than the last of them.
+
+    Whom the artist has chosen stays chosen. Raises SceneError, before anything is written, where a character cannot
+    take its motion now.
+    """
+    scene, settings = context.scene, context.scene.oncue
+    chosen = settings.character
+    for request, _, _ in made:
+        file_state.check(context, people.person_named(context, request.person).character)
+    actions, characters = [], []
+    for request, outcome, skipped in made:
+        actions.append(write_outcome(context, request, outcome, skipped))
+        characters.append(settings.character)
+    if actions:
+        settings.character = chosen if chosen in characters else characters[0]
+        fit_end(scene, max(int(action.frame_end) for action in actions))
+    return actions
+
+
+def shot_report(reports: list[dict], refused: list[tuple[str, str]], seed: int) -> dict:
+    """One report of several people: `people` has each one's own."""
+    said = [(report["extension"]["person"], problem) for report in reports for problem in problems_of(report)]
+    alone = [{"success": False, "problems": [why], "extension": {"person": person}} for person, why in refused]
+    return {
+        "success": all(report["success"] for report in reports) and not refused,
+        "problems": [f"{person}: {problem}" for person, problem in [*said, *refused]],
+        "seed": seed,
+        "cues": [cue for report in reports for cue in report["cues"]],
+        "people": [*reports, *alone],
+    }
 
 
 def _have_controls_followed(
@@ -499,6 +613,7 @@ def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str
         "title": title_of(request),
         "scene_triangles": len(request.triangles) + sum(len(thing.triangles) for thing in request.moving),
         "begins": begins,
+        **({"person": request.person} if request.person else {}),
         "skipped_objects": _skipped(skipped),
         "captures": outcome.captures,
         "skipped_files": [
@@ -622,14 +737,17 @@ def report_of(action: bpy.types.Action | None) -> dict | None:
 
 
 def frames_of_cues(context: bpy.types.Context) -> dict[str, int]:
-    """On which frame each cue is met in the performance that the character plays, by name; none for another one."""
-    report = current_report(context.scene)
-    try:
-        if not report or not belongs_to_cues(context, report):
-            return {}
-        return cue_frames(report, frame_rate(context.scene) * clock(body_size_of(report)))
-    except (LookupError, TypeError, ValueError, AttributeError):
-        return {}
+    """On which frame each cue is met in the performances that the characters play, by name; none for another one."""
+    characters = [person.character for person in people.cast(context)] or [context.scene.oncue.character]
+    frames: dict[str, int] = {}
+    for character in characters:
+        report = report_of(action_of(character))
+        try:
+            if report and belongs_to_cues(context, report):
+                frames |= cue_frames(report, frame_rate(context.scene) * clock(body_size_of(report)))
+        except (LookupError, TypeError, ValueError, AttributeError):
+            continue
+    return frames
 
 
 def body_size_of(report: dict) -> float:
@@ -644,7 +762,11 @@ def current_report(scene: bpy.types.Scene) -> dict | None:
 
 def current_action(scene: bpy.types.Scene) -> bpy.types.Action | None:
     """The action that the scene's character plays."""
-    character = scene.oncue.character
+    return action_of(scene.oncue.character)
+
+
+def action_of(character: bpy.types.Object | None) -> bpy.types.Action | None:
+    """The action that a character plays."""
     data = character.animation_data if character else None
     return data.action if data else None
 
@@ -654,9 +776,10 @@ def belongs_to_cues(context: bpy.types.Context, report: dict) -> bool:
     made_for = report.get("task")
     if not isinstance(made_for, dict):
         return True
-    settings = context.scene.oncue
+    settings, name = context.scene.oncue, (report.get("extension") or {}).get("person")
+    start = next((one for one in visible_cues(context, "start") if one.name == name), None) if name else None
     try:
-        now = read_task(context, settings.scene_scale, as_drawn=True)
+        now = read_task(context, settings.scene_scale, as_drawn=True, start=start)
     except SceneError:
         return False
     animated = any(may_move(cue) for cue in visible_cues(context, "start", *PLAYED, *FEET))

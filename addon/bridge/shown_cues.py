@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which cues the view shows, and in which order they are played."""
+"""Which cues the view shows, whose they are, and in which order they are played."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 
 import bpy
 
-from .names import CUE_KEY, STEP_KEY
+from .names import CUE_KEY, PERSON_KEY, STEP_KEY
 from .what_counts import is_shown, things_of
 
 ENDS = ("sit", "stop")
@@ -26,14 +26,49 @@ def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Obje
     )
 
 
-def played_cues(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """The visible sit, stop and pass cues in the order in which they are played: by their numbers, then by name."""
-    return sorted(visible_cues(context, *PLAYED), key=lambda cue: (step_of(cue), cue.name))
+def played_cues(context: bpy.types.Context, start: bpy.types.Object | None = None) -> list[bpy.types.Object]:
+    """The visible sit, stop and pass cues in the order in which they are played: by their numbers, then by name.
+
+    Those of the person who starts at `start`; else all but those of people whose start is hidden: these wait with it.
+    """
+    starts = visible_cues(context, "start")
+    cues = [(cue, person_of(context, cue, starts)) for cue in visible_cues(context, *PLAYED)]
+    own = [cue for cue, person in cues if (person == start if start else person is None or person in starts)]
+    return sorted(own, key=lambda cue: (step_of(cue), cue.name))
 
 
-def end_cues(context: bpy.types.Context) -> list[bpy.types.Object]:
+def end_cues(context: bpy.types.Context, start: bpy.types.Object | None = None) -> list[bpy.types.Object]:
     """Those of them at which the person stays: the sit and stop cues."""
-    return [cue for cue in played_cues(context) if cue[CUE_KEY] != PASS]
+    return [cue for cue in played_cues(context, start) if cue[CUE_KEY] != PASS]
+
+
+def person_of(
+    context: bpy.types.Context, cue: bpy.types.Object, starts: list[bpy.types.Object] | None = None
+) -> bpy.types.Object | None:
+    """The start of the person whose a cue is, hidden or not: the one that it names, else the only one (`starts`: those
+    that are shown). None where it is nobody's, as after its start was deleted.
+    """
+    person = cue.get(PERSON_KEY)
+    is_there = isinstance(person, bpy.types.Object) and context.scene.objects.get(person.name) == person
+    if is_there and person.get(CUE_KEY) == "start":
+        return person
+    starts = visible_cues(context, "start") if starts is None else starts
+    return starts[0] if len(starts) == 1 else None
+
+
+def several_starts(context: bpy.types.Context) -> list[bpy.types.Object]:
+    """The starts that the view shows where several people start, by name; none where one does, or nobody."""
+    starts = visible_cues(context, "start")
+    return starts if len(starts) > 1 else []
+
+
+def worked_on(context: bpy.types.Context) -> bpy.types.Object | None:
+    """Of several starts that of the person whom the artist works on: of the active start or cue, else the last."""
+    starts, active = several_starts(context), context.active_object
+    if not starts:
+        return None
+    person = active if active in starts else person_of(context, active, starts) if active is not None else None
+    return person if person in starts else starts[-1]
 
 
 def step_of(cue: bpy.types.Object) -> float:

@@ -37,10 +37,16 @@ def is_shown(thing: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
 class Furniture:
     """Tells the scene's things from the character that is moved, its belongings, the cues and what was left out.
 
-    Other persons, with what belongs to them, stand in the way as furniture does.
+    Other persons, with what belongs to them, stand in the way as furniture does, but for the `cast`: the characters
+    that are moved in the same run.
     """
 
-    def __init__(self, context: bpy.types.Context, exclude: bpy.types.Collection | None = None) -> None:
+    def __init__(
+        self,
+        context: bpy.types.Context,
+        exclude: bpy.types.Collection | None = None,
+        cast: tuple[bpy.types.Object, ...] = (),
+    ) -> None:
         # Scripts read scenes without the extension: then nothing was chosen.
         settings = getattr(context.scene, "oncue", None)
         self._view_layer = context.view_layer
@@ -49,6 +55,7 @@ class Furniture:
         self._own = settings.character if settings else None
         if not native.MISSING:
             self._own = find_character(context.scene, native.core.skeleton()) or self._own
+        self._moved = {self._own, *cast} - {None}
         self._shown: dict[bpy.types.Object, bool] = {}
         #: Object → the persons whose it is. What is being found out counts as nobody's, so that circles end.
         self._persons: dict[bpy.types.Object, frozenset[bpy.types.Object]] = {}
@@ -68,7 +75,7 @@ class Furniture:
 
     def other_person(self, owners: list[bpy.types.Object]) -> str | None:
         """The name of the other person that a mesh, as `counts` has it, belongs to, or None."""
-        names = {person.name for owner in owners for person in self._persons_of(owner) if person != self._own}
+        names = {person.name for owner in owners for person in self._persons_of(owner) if person not in self._moved}
         return min(names, default=None)
 
     def is_left_out(self, thing: bpy.types.Object) -> bool:
@@ -84,14 +91,14 @@ class Furniture:
     def _is_own(self, thing: bpy.types.Object) -> bool:
         """Whether it is the character's, or of a skin or another mesh that carries the key without an armature."""
         persons = self._persons_of(thing)
-        return self._own in persons or any(person.type != "ARMATURE" for person in persons)
+        return not self._moved.isdisjoint(persons) or any(person.type != "ARMATURE" for person in persons)
 
     def _persons_of(self, thing: bpy.types.Object) -> frozenset[bpy.types.Object]:
         known = self._persons.get(thing)
         if known is None:
             self._persons[thing] = frozenset()
             keyed = thing.get(CHARACTER_KEY) is not None
-            if thing == self._own or (keyed and thing.type == "ARMATURE"):
+            if thing in self._moved or (keyed and thing.type == "ARMATURE"):
                 known = frozenset([thing])
             else:
                 known = frozenset().union(*map(self._persons_of, carriers(thing)))

@@ -17,6 +17,8 @@ class ONCUE_MT_cues(bpy.types.Menu):
         for kind, text in (("start", "Start Cue"), ("sit", "Sit Cue"), ("stop", "Stop Cue"), ("pass", "Pass Cue")):
             layout.operator("oncue.place_cue", text=text).kind = kind
         layout.operator("oncue.sit_on_selection")
+        for name in ("add_person", "give_to_person", "act_by"):
+            layout.operator(f"oncue.{name}")
         layout.separator()
         for side in ("left", "right"):
             layout.operator("oncue.place_foot", text=f"{side.title()} Foot Cue").side = side

@@ -6,8 +6,9 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from ..bridge import cue_objects, hand_reader, seat_finder
-from ..bridge.shown_cues import played_cues
+from ..bridge import cue_objects, hand_reader, people, seat_finder
+from ..bridge.names import CUE_KEY
+from ..bridge.shown_cues import person_of, played_cues, several_starts
 from ..errors import SceneError
 from ..job_operator import handle
 from .button import Button
@@ -76,13 +77,67 @@ class ONCUE_OT_move_step(Button, bpy.types.Operator):
     by: IntProperty(name="By", description="So many places later", default=1, options={"SKIP_SAVE"})
 
     def act(self, context: bpy.types.Context) -> None:
-        played = played_cues(context)
+        cue = next((cue for cue in played_cues(context) if cue.name == self.cue), None)
+        person = person_of(context, cue) if cue is not None and several_starts(context) else None
+        played = played_cues(context, person)
         at = next((at for at, cue in enumerate(played) if cue.name == self.cue), None)
         if at is None:
             raise SceneError(f"There is no Sit, Stop or Pass cue {self.cue} any more.")
         moved = played.pop(at)
         played.insert(min(max(at + self.by, 0), len(played)), moved)
         cue_objects.number_steps(played)
+
+
+class ONCUE_OT_add_person(Button, bpy.types.Operator):
+    """Place another Start cue on the floor under the 3D cursor, for a person with cues and a character of their own"""
+
+    bl_idname = "oncue.add_person"
+    bl_label = "Add Person"
+
+    def act(self, context: bpy.types.Context) -> None:
+        scale = context.scene.oncue.scene_scale
+        place = seat_finder.surface_below(context, context.scene.cursor.location, scale)
+        cue_objects.add_person(context, place, scale)
+
+
+class ONCUE_OT_give_to_person(Button, bpy.types.Operator):
+    """Have the selected Sit, Stop and Pass cues be the person's whose Start cue is active"""
+
+    bl_idname = "oncue.give_to_person"
+    bl_label = "Give to Person"
+
+    def act(self, context: bpy.types.Context) -> None:
+        cue_objects.give_to_person(*cue_objects.given_cues(context))
+
+
+class ONCUE_OT_choose_person(Button, bpy.types.Operator):
+    """Select this person: the Start cue, and the character whose takes, figures and edits the panels show"""
+
+    bl_idname = "oncue.choose_person"
+    bl_label = "Choose Person"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    start: StringProperty(name="Start", description="The person's Start cue", options={"SKIP_SAVE"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        person = people.person_named(context, self.start)
+        if person.character is not None:
+            context.scene.oncue.character = person.character
+        cue_objects.select_cue(context, self.start)
+
+
+class ONCUE_OT_act_by(Button, bpy.types.Operator):
+    """Have the person whose Start cue is active act by the selected armature"""
+
+    bl_idname = "oncue.act_by"
+    bl_label = "Act by Selected Armature"
+
+    def act(self, context: bpy.types.Context) -> None:
+        start = context.active_object
+        chosen = [thing for thing in context.selected_objects if thing.type == "ARMATURE"]
+        if start is None or start.get(CUE_KEY) != "start" or len(chosen) != 1:
+            raise SceneError("Select an armature, and last the Start cue of the person who is to act by it.")
+        people.choose_character(start, chosen[0])
 
 
 class ONCUE_OT_select_cue(Button, bpy.types.Operator):
@@ -181,6 +236,7 @@ It goes along with the selected object"""
 
 CLASSES = (
     *(ONCUE_OT_move_step, ONCUE_OT_select_cue),
+    *(ONCUE_OT_add_person, ONCUE_OT_give_to_person, ONCUE_OT_choose_person, ONCUE_OT_act_by),
     *(ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_move_to_edge),
     *(ONCUE_OT_place_foot, ONCUE_OT_place_hand),
 )

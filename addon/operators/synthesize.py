@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import bpy
 from bpy.app.handlers import persistent
 
+from .. import native
 from ..bridge import session
 from ..bridge.policies import policy_cache
 from ..job_operator import JobOperator, handle
-from ..pipeline import Earlier, LibraryCache, Outcome, Request, Steps, synthesis_steps
+from ..pipeline import Earlier, LibraryCache, Outcome, Request, Steps, shot_steps
 from .button import Button
 
 #: The library stays in memory between presses.
@@ -39,20 +40,41 @@ class Made:
             operator.say({"INFO"}, f"Oncue made the action {action.name}.")
 
 
+@dataclass
+class Shot:
+    """The motions of several people, and (person, sentence) of those who could not be made."""
+
+    made: list[Made]
+    refused: list[tuple[str, str]]
+
+    def write(self, context: bpy.types.Context, operator: bpy.types.Operator) -> None:
+        """Writes each onto its person's character, and has the operator tell what came of it. Raises SceneError."""
+        actions = session.write_shot(context, [(made.request, made.outcome, made.skipped) for made in self.made])
+        problems = [
+            (made.request.person, problem)
+            for made, action in zip(self.made, actions, strict=True)
+            for problem in session.problems_of(session.report_of(action))
+        ]
+        for person, problem in dict.fromkeys([*problems, *self.refused]):
+            operator.say({"WARNING"}, f"{person}: {problem}")
+        if not problems and not self.refused:
+            operator.say({"INFO"}, f"Oncue made a shot of {len(actions)} people.")
+
+
 class Unwritten:
     """The motion that could be made and not be written, as the file was by then, until it is or another one is made."""
 
     def __init__(self) -> None:
-        self._made: Made | None = None
+        self._made: Made | Shot | None = None
         self._scene = 0
 
-    def keep(self, scene: bpy.types.Scene, made: Made) -> None:
+    def keep(self, scene: bpy.types.Scene, made: Made | Shot) -> None:
         self._made, self._scene = made, scene.session_uid
 
     def forget(self) -> None:
         self._made, self._scene = None, 0
 
-    def of(self, scene: bpy.types.Scene) -> Made | None:
+    def of(self, scene: bpy.types.Scene) -> Made | Shot | None:
         """The motion that waits for this scene, if any."""
         return self._made if self._scene == scene.session_uid else None
 
@@ -68,20 +90,23 @@ class ONCUE_OT_synthesize(JobOperator, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     title = "Synthesizing"
 
-    def begin(self, context: bpy.types.Context) -> Steps[Outcome]:
-        self._request, self._skipped = session.read_request(context)
-        return synthesis_steps(self._request, library_cache, policy_cache(context), earlier)
+    def begin(self, context: bpy.types.Context) -> Steps[list[Outcome | Exception]]:
+        self._requests, self._skipped = session.read_shot(context)
+        return shot_steps(self._requests, library_cache, policy_cache(context), earlier)
 
-    def finish(self, context: bpy.types.Context, value: Outcome) -> None:
+    def finish(self, context: bpy.types.Context, value: list[Outcome | Exception]) -> None:
         self._made(value).write(context, self)
         unwritten.forget()
 
-    def keep(self, context: bpy.types.Context, value: Outcome) -> str:
+    def keep(self, context: bpy.types.Context, value: list[Outcome | Exception]) -> str:
         unwritten.keep(context.scene, self._made(value))
         return KEPT
 
-    def _made(self, value: Outcome) -> Made:
-        return Made(self._request, value, self._skipped)
+    def _made(self, value: list[Outcome | Exception]) -> Made | Shot:
+        pairs = list(zip(self._requests, value, strict=True))
+        made = [Made(request, one, self._skipped) for request, one in pairs if isinstance(one, Outcome)]
+        refused = [(request.person, native.sentence(one)) for request, one in pairs if isinstance(one, Exception)]
+        return made[0] if len(pairs) == 1 else Shot(made, refused)
 
 
 class ONCUE_OT_write_motion(Button, bpy.types.Operator):

@@ -138,8 +138,8 @@ def test_a_rig_walks_and_sits_at_its_own_size(stage, oncue, own_rig, kind, heigh
     walking = np.array(lows)[: report["action_from"] // 3]
     assert np.array(lows).min() > -0.01
     assert np.quantile(walking.min(axis=1), 0.9) < 0.004
-    # A child on an adult's chair lets its feet hang; who is tall enough does not. A seat as high as shins are long is sat
-    # on both ways.
+    # A child on an adult's chair lets its feet hang; who is tall enough does not. A seat as high as shins are long is
+    # sat on both ways.
     if not 0.55 < 0.45 / size < 0.60:
         assert (np.array(lows)[-1].min() > 0.02) == (height < 1.3)
 

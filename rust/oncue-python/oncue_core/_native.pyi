@@ -8,6 +8,7 @@ from typing import Any, Generic, Literal, TypeVar, final
 import numpy as np
 from numpy.typing import NDArray
 
+from .errors import OncueError
 from .types import (
     ActionCue,
     BodyFigures,
@@ -64,6 +65,7 @@ __all__ = [
     "optimize_policy",
     "pass_moving",
     "perform",
+    "perform_together",
     "plain_ik",
     "practice_room",
     "presets",
@@ -214,12 +216,12 @@ def index_scene(
     positions: NDArray[np.float32],
     triangles: NDArray[np.uint32],
     settings: Settings | None = None,
-    task: Task | Performance | None = None,
+    task: Task | Performance | Sequence[Performance] | None = None,
 ) -> Job[SceneIndex]:
     """Indexes a scene: `positions` (n, 3), world, metres, Z up; `triangles` (m, 3), indices of positions.
 
-    With a task or a performance its floor is the level that carries the start; without one the level that is the
-    scene's largest.
+    With a task, a performance or several people's its floor is the level that carries the (first) start; without one
+    the level that is the scene's largest.
 
     The arrays are copied before the call returns. InputError for arrays of another dtype or shape and for unknown
     settings at once; for meshes that cannot be indexed from the job.
@@ -259,10 +261,11 @@ def pass_moving(
     object whose mesh or poses are none.
     """
 
-def check_task(scene: SceneIndex, task: Task | Performance) -> None:
+def check_task(scene: SceneIndex, task: Task | Performance | Sequence[Performance]) -> None:
     """Returns where the person can get from the start to the cue, or to each of several, and do there what is asked.
 
-    InputError with the reason otherwise. The synthesis asks the same first.
+    Of several people's performances also whether they start and end where they fit together. InputError with the reason
+    otherwise. The synthesis asks the same first.
     """
 
 @final
@@ -392,6 +395,26 @@ def perform(
     `report["problems"]` says why. The others as for `synthesize`.
     InputError for malformed performances at once; from the job for a cue that can be seen not to be met, before
     anything is played.
+    """
+
+def perform_together(
+    scene: SceneIndex,
+    library: Library,
+    performances: Sequence[Performance],
+    settings: Settings | None = None,
+    seed: int = 0,
+    policy: Policy | None = None,
+    manifold: Manifold | None = None,
+    earlier: Sequence[Performed] = (),
+) -> Job[list[Performed | OncueError]]:
+    """Plays the performances of several people in one shot, who begin at once; given in the order of `performances`.
+
+    Each is made in turn, by where they start, and goes round those who were made before, waits for them or sits beside
+    them. Whoever cannot be played is an error in their place, and the rest is played all the same. Where two are in one
+    another, `report["others"]` and `report["problems"]` of both say so. The same seed gives the same shot, whatever the
+    names and the order. `earlier`: people who were made before, of whom is taken what follows from the same as then.
+    InputError for malformed performances at once; from the job, naming the person, for a cue that can be seen not to be
+    met, and for two people who start or end where two do not fit. The others as for `perform`.
     """
 
 @final

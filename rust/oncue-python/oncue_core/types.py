@@ -193,6 +193,25 @@ class OwnBodyFigures(TypedDict):
     touches: list[OwnTouch]
 
 
+class OthersTouch(TypedDict):
+    """The own part and somebody else's, deeper than 1 cm in one another. `person`: the name of their start."""
+
+    person: str
+    parts: list[BodyPart]
+    first: int
+    end: int
+    depth_cm: float
+    frame: int
+
+
+class OthersFigures(TypedDict):
+    """A person in others of the shot. `percent`: of the shot's frames, deeper than 1 cm; the deepest first."""
+
+    percent: float
+    deepest_cm: float
+    touches: list[OthersTouch]
+
+
 class BeyondLimit(TypedDict):
     """A joint beyond its limit in frames `first` to before `end`, farthest in `frame`."""
 
@@ -706,12 +725,13 @@ class Moments(TypedDict):
 
 class StepReport(Moments):
     """What is told of one step of a performance. `first_frame`: that in which the step before has ended; `edited`: in
-    frames of the step's own.
+    frames of the step's own. `waited`: frames in which the person stays, before setting out, for others to pass.
     """
 
     cue: str
     first_frame: int
     edited: EditedFigures | None
+    waited: NotRequired[int]
     policy_source: Literal["scratch", "prior", "kept"]
     updates: int
     path_m: float
@@ -722,7 +742,7 @@ class Report(TypedDict):
     """What a run tells about itself; docs/report.md describes it.
 
     `seconds`: by stage, of those that there were. `edited`: None where nothing was edited. `steps`: of a performance,
-    what was played of it.
+    what was played of it. `others`: of one of several people.
     """
 
     report_version: int
@@ -735,6 +755,7 @@ class Report(TypedDict):
     cues: list[Residual]
     action_from: int | None
     steps: NotRequired[list[StepReport]]
+    others: NotRequired[OthersFigures]
     foot: FootFigures
     penetration: PenetrationFigures
     speed: SpeedFigures

@@ -48,6 +48,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(scene::check_task, module)?)?;
     module.add_function(wrap_pyfunction!(scene::pass_moving, module)?)?;
     module.add_function(wrap_pyfunction!(perform::perform, module)?)?;
+    module.add_function(wrap_pyfunction!(perform::perform_together, module)?)?;
     module.add_function(wrap_pyfunction!(policy::optimize_policy, module)?)?;
     module.add_function(wrap_pyfunction!(policy::robustness, module)?)?;
     module.add_function(wrap_pyfunction!(synthesis::synthesize, module)?)?;

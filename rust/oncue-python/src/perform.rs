@@ -7,8 +7,9 @@ use oncue::editor::shipped_manifold;
 use oncue::motion::FRAME_RATE;
 use oncue::{Performance, Settings};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyList};
 
+use crate::error::to_python;
 use crate::job::Job;
 use crate::json;
 use crate::library::Library;
@@ -87,4 +88,60 @@ pub fn perform(
         },
         |py, performed| Ok(Py::new(py, Performed::new(py, performed)?)?.into_any()),
     )
+}
+
+/// Plays the performances of several people in one shot.
+#[pyfunction]
+#[pyo3(signature = (scene, library, performances, settings=None, seed=0, policy=None, manifold=None, earlier=vec![]))]
+#[allow(clippy::too_many_arguments)] // Python's face: all but three have names and defaults there.
+pub fn perform_together(
+    scene: &SceneIndex,
+    library: &Library,
+    performances: Vec<Bound<'_, PyDict>>,
+    settings: Option<&Bound<'_, PyDict>>,
+    seed: u64,
+    policy: Option<&Policy>,
+    manifold: Option<&Manifold>,
+    earlier: Vec<Py<Performed>>,
+) -> PyResult<Job> {
+    let performances = performances_of(&performances)?;
+    let settings: Settings = json::from_optional_dict("settings", settings)?;
+    let policy = policy.map(|p| p.inner.clone());
+    let manifold = manifold.map(|m| m.inner.clone());
+    let earlier: Vec<Arc<oncue::Performed>> = earlier.iter().map(|e| e.get().inner.clone()).collect();
+    let scene = scene.inner.clone();
+    let (library, database) = library.database();
+    Job::start(
+        move |progress| {
+            let database = database.get(&library, &settings.synthesizer.weights, progress)?;
+            let manifold = manifold.as_deref().or_else(|| shipped_manifold());
+            let earlier: Vec<&oncue::Performed> = earlier.iter().map(|e| &**e).collect();
+            oncue::perform_together(
+                manifold,
+                &scene,
+                &database,
+                &performances,
+                &earlier,
+                policy.as_deref(),
+                &settings,
+                seed,
+                progress,
+            )
+        },
+        |py, people| {
+            let one = |made: oncue::Result<oncue::Performed>| -> PyResult<Py<PyAny>> {
+                Ok(match made {
+                    Ok(performed) => Py::new(py, Performed::new(py, performed)?)?.into_any(),
+                    Err(error) => to_python(error.into()).into_value(py).into_any(),
+                })
+            };
+            let people = people.into_iter().map(one).collect::<PyResult<Vec<_>>>()?;
+            Ok(PyList::new(py, people)?.into_any().unbind())
+        },
+    )
+}
+
+/// The performances that a list of dicts describes.
+pub fn performances_of(performances: &[Bound<'_, PyDict>]) -> PyResult<Vec<Performance>> {
+    performances.iter().map(|one| json::from_dict("performance", one)).collect()
 }

@@ -7,6 +7,7 @@ use ndarray::Ix2;
 use oncue::passing::{self, PassingOptions};
 use oncue::perform::check_performance;
 use oncue::scene::{SceneSettings, check_task as check};
+use oncue::together::check_together;
 use oncue::{Performance, Task};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -15,6 +16,7 @@ use crate::arrays::array;
 use crate::job::{self, Job};
 use crate::json;
 use crate::motion::from_arrays;
+use crate::perform::performances_of;
 
 /// A scene's triangles, indexed for collision and for finding ways. Immutable.
 #[pyclass(frozen, module = "oncue_core")]
@@ -50,24 +52,27 @@ impl SceneIndex {
     }
 }
 
-/// Indexes the scene of `positions` float32 (n, 3), world, metres, Z up, and `triangles` uint32 (m, 3); with a task or a
-/// performance, on the level that carries its start.
+/// Indexes the scene of `positions` float32 (n, 3), world, metres, Z up, and `triangles` uint32 (m, 3); with a task, a
+/// performance or several people's, on the level that carries its start, of several people the first's.
 #[pyfunction]
 #[pyo3(signature = (positions, triangles, settings=None, task=None))]
 pub fn index_scene(
     positions: &Bound<'_, PyAny>,
     triangles: &Bound<'_, PyAny>,
     settings: Option<&Bound<'_, PyDict>>,
-    task: Option<&Bound<'_, PyDict>>,
+    task: Option<Asked<'_>>,
 ) -> PyResult<Job> {
     let positions = points("positions", positions)?;
     let triangles = corners(triangles)?;
     let settings: SceneSettings = json::from_optional_dict("scene settings", settings)?;
     let places = match task {
-        Some(dict) if dict.contains("steps")? => {
-            json::from_dict::<Performance>("performance", dict)?.places()
+        Some(Asked::OfOne(dict)) if dict.contains("steps")? => {
+            json::from_dict::<Performance>("performance", &dict)?.places()
         }
-        Some(dict) => json::from_dict::<Task>("task", dict)?.places(),
+        Some(Asked::OfOne(dict)) => json::from_dict::<Task>("task", &dict)?.places(),
+        Some(Asked::OfSeveral(people)) => {
+            performances_of(&people)?.iter().flat_map(Performance::places).collect()
+        }
         None => Vec::new(),
     };
     Job::start(
@@ -79,15 +84,30 @@ pub fn index_scene(
 }
 
 /// Returns where the person can get from the start of a task, or of a performance, to its cue, or from each to the next, and do
-/// there what is asked; raises InputError with the reason otherwise. `synthesize` and `perform` ask the same first.
+/// there what is asked, and, of several people's, where they fit together; raises InputError with the reason otherwise. `synthesize`,
+/// `perform` and `perform_together` ask the same first.
 #[pyfunction]
-pub fn check_task(py: Python<'_>, scene: &SceneIndex, task: &Bound<'_, PyDict>) -> PyResult<()> {
+pub fn check_task(py: Python<'_>, scene: &SceneIndex, task: Asked<'_>) -> PyResult<()> {
+    let task = match &task {
+        Asked::OfOne(task) => task,
+        Asked::OfSeveral(people) => {
+            let people = performances_of(people)?;
+            return job::run(py, || check_together(&scene.inner, &people));
+        }
+    };
     if task.contains("steps")? {
         let performance: Performance = json::from_dict("performance", task)?;
         return job::run(py, || check_performance(&scene.inner, &performance));
     }
     let task: Task = json::from_dict("task", task)?;
     job::run(py, || check(&scene.inner, &task))
+}
+
+/// A task or a performance, or the performances of several people.
+#[derive(FromPyObject)]
+pub enum Asked<'py> {
+    OfOne(Bound<'py, PyDict>),
+    OfSeveral(Vec<Bound<'py, PyDict>>),
 }
 
 fn points(name: &str, points: &Bound<'_, PyAny>) -> PyResult<Vec<Vec3>> {

@@ -85,6 +85,7 @@ pub mod synthesize;
 mod synthesizer;
 #[cfg(test)]
 mod test_world;
+pub mod together;
 
 pub use action::{ActionLabel, ActionType};
 pub use cue::{
@@ -103,3 +104,4 @@ pub use settings::Settings;
 pub use synthesize::{
     Around, Measured, Synthesis, measure, measure_performance, synthesize, synthesize_along,
 };
+pub use together::perform_together;

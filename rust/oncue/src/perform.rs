@@ -8,17 +8,21 @@ use std::collections::BTreeMap;
 use crate::controller::{EpisodeEnd, StoredPolicy};
 use crate::cue::{ActionCue, BodyState, InitialState, Performance, Step, Task};
 use crate::error::{Error, Result};
-use crate::figures::StyleValues;
+use crate::figures::{Company, Other, StyleValues, Surroundings};
 use crate::library::database::MotionDatabase;
+use crate::life::{Pause, pause};
 use crate::manifold::Manifold;
 use crate::math::Planar;
 use crate::metrics::speed_figures;
-use crate::motion::{Motion, Posture};
+use crate::motion::{FRAME_RATE, Motion, Posture};
 use crate::progress::Progress;
 use crate::report::{Report, StepReport};
 use crate::scene::{SceneIndex, check_task};
+use crate::seats::Seats;
 use crate::settings::Settings;
-use crate::synthesize::{Around, Synthesis, measure_performance, segments, synthesize_along};
+use crate::synthesize::{
+    Around, Synthesis, liveliness, measure_performance, segments, synthesize_along, synthesize_among,
+};
 
 /// Who sits down and goes on stays at least so long, seconds: nobody gets up before having sat.
 const SHORTEST_SIT: f32 = 0.8;
@@ -44,6 +48,20 @@ pub struct PerformedStep {
     key: blake3::Hash,
     /// Its own motion, report and policy.
     pub made: Synthesis,
+    /// Frames that the motion begins with in which the person stays, for others to pass.
+    pub waited: usize,
+}
+
+/// What every step is made with.
+#[derive(Clone, Copy)]
+pub(crate) struct Means<'a> {
+    pub manifold: Option<&'a Manifold>,
+    pub scene: &'a SceneIndex,
+    pub database: &'a MotionDatabase,
+    pub stored: Option<&'a StoredPolicy>,
+    pub settings: &'a Settings,
+    pub seed: u64,
+    pub progress: &'a Progress,
 }
 
 /// Plays a performance. `earlier` is one that was made before: steps that follow from the same as then are taken from it.
@@ -67,26 +85,45 @@ pub fn perform(
     settings.validate()?;
     progress.stage("Checking the cues");
     check_performance(scene, performance)?;
+    let means = Means { manifold, scene, database, stored, settings, seed, progress };
+    let earlier: Vec<&Performed> = earlier.into_iter().collect();
+    perform_among(&means, performance, &earlier, &[])
+}
+
+/// The same of a performance that was checked, among others whose motions are there.
+pub(crate) fn perform_among(
+    means: &Means,
+    performance: &Performance,
+    earlier: &[&Performed],
+    others: &[Other],
+) -> Result<Performed> {
+    let &Means { scene, database, settings, seed, progress, .. } = means;
     let mut steps: Vec<PerformedStep> = Vec::new();
     let mut stopped = None;
     let mut start = performance.start.clone();
-    let mut before = first_key(manifold, scene, database, performance, stored, settings, seed);
+    let mut before = first_key(means, performance, others);
+    // The clock's frame on which the next step begins.
+    let mut begins = 0;
     for (at, step) in performance.steps.iter().enumerate() {
-        let hold_seconds = hold_seconds(step, at + 1 == performance.steps.len(), settings);
+        let is_last = at + 1 == performance.steps.len();
+        let hold_seconds = hold_seconds(step, is_last, settings);
         let key = next_key(before, step, hold_seconds);
         before = key;
-        let known = earlier.and_then(|e| e.steps.get(at)).filter(|known| known.key == key);
-        let made = match known {
-            Some(known) => known.made.clone(),
+        let known = earlier.iter().filter_map(|e| e.steps.get(at)).find(|known| known.key == key);
+        let (made, waited) = match known {
+            Some(known) => (known.made.clone(), known.waited),
             None => {
                 let mut settings = settings.clone();
                 settings.synthesizer.hold_seconds = hold_seconds;
                 let Step { passes, cue, manipulations, .. } = step.clone();
                 let task = Task { start, passes, cue, manipulations };
                 let seed = seed.wrapping_add(STEP_SEED.wrapping_mul(at as u64));
-                let made = synthesize_along(
-                    manifold, scene, None, database, &task, stored, &settings, seed, progress,
-                );
+                let means = Means { settings: &settings, seed, ..*means };
+                let made = if others.is_empty() {
+                    means.alone(scene, &task).map(|made| (made, 0))
+                } else {
+                    means.among(&task, &Company { others, begins, stays: is_last, most_wait: 0 })
+                };
                 match made {
                     Err(Error::Cancelled) => return Err(Error::Cancelled),
                     Err(error) if at == 0 => return Err(error),
@@ -103,14 +140,119 @@ pub fn perform(
             break;
         }
         start = end_of(&made.motion, &step.cue, performance.start.position.z);
+        begins += made.motion.len() - usize::from(begins > 0);
         let ended = made.end == EpisodeEnd::Complete;
-        steps.push(PerformedStep { key, made });
+        steps.push(PerformedStep { key, made, waited });
         if !ended {
             break;
         }
     }
     progress.stage("Measuring");
     Ok(joined(scene, database, performance, steps, stopped, settings))
+}
+
+/// Of who waits for others to pass, seeds of what moves meanwhile are so far from those of what moves later.
+const WAIT_SEED: u64 = 1 << 39;
+/// So long somebody waits for others to pass, seconds; and so long without looking for a way round them.
+const LONGEST_WAIT: f32 = 30.0;
+const SHORT_WAIT: f32 = 1.0;
+/// So many ways round others are looked for.
+const DETOURS: usize = 2;
+/// Nearer to a start, waypoint or cue than this nobody's going by is planned around, metres: one would not get there.
+const ROOM: f32 = 0.5;
+/// A step takes no longer, seconds for a metre as the crow flies and besides.
+const STEP_SECONDS: (f32, f32) = (1.5, 4.0);
+
+impl Means<'_> {
+    fn alone(&self, scene: &SceneIndex, task: &Task) -> Result<Synthesis> {
+        let &Means { manifold, database, stored, settings, seed, progress, .. } = self;
+        synthesize_along(manifold, scene, None, database, task, stored, settings, seed, progress)
+    }
+
+    /// A motion for the task that meets nobody, where one is found: others who stay are in the way as furniture is; whoever goes by
+    /// is let pass, or walked around. Also the frames that the person waits for others at its start, which it then begins with.
+    fn among(&self, task: &Task, company: &Company) -> Result<(Synthesis, usize)> {
+        let &Means { manifold, scene, database, stored, settings, seed, progress } = self;
+        // A hand's path has its own time, in frames from the motion's begin.
+        let may_wait = task.manipulations.is_empty();
+        let most_wait = if may_wait { (LONGEST_WAIT * FRAME_RATE) as usize } else { 0 };
+        let company = Company { most_wait, ..*company };
+        let play = |scene: &SceneIndex| {
+            let company = Some(company);
+            synthesize_among(manifold, scene, None, database, task, stored, settings, seed, company, progress)
+        };
+        let places = task.places();
+        let flies: f32 = places.windows(2).map(|way| way[0].distance(way[1])).sum();
+        let lasts = STEP_SECONDS.0 * flies + STEP_SECONDS.1 + settings.synthesizer.hold_seconds;
+        let mut solids = Vec::new();
+        company.resting((lasts * FRAME_RATE) as usize, &mut solids);
+        let mut best: Option<(Synthesis, Option<usize>)> = None;
+        for detour in 0..=DETOURS {
+            let crowded = if solids.is_empty() { None } else { Some(scene.with(&solids, progress)?) };
+            let made = match play(crowded.as_ref().unwrap_or(scene)) {
+                // Whoever stays in the only way may leave it, and is met where not.
+                Err(Error::Input(_) | Error::Unreachable(_)) if crowded.is_some() && detour == 0 => {
+                    solids.clear();
+                    play(scene)?
+                }
+                Err(Error::Input(_) | Error::Unreachable(_)) if best.is_some() => break,
+                made => made?,
+            };
+            let wait = company.wait(&made.motion);
+            let known = solids.len();
+            company.in_the_way(&made.motion, &places, ROOM, &mut solids);
+            let is_new = solids.len() > known;
+            let is_fine = made.end == EpisodeEnd::Complete
+                && wait.is_some_and(|wait| wait as f32 <= SHORT_WAIT * FRAME_RATE);
+            let rank = |made: &Synthesis, wait: Option<usize>| {
+                let frames = wait.unwrap_or(0) + made.motion.len();
+                (made.end != EpisodeEnd::Complete, wait.is_none(), made.report.problems.len(), frames)
+            };
+            if best.as_ref().is_none_or(|(best, its)| rank(&made, wait) < rank(best, *its)) {
+                best = Some((made, wait));
+            }
+            if is_fine || !is_new {
+                break;
+            }
+        }
+        let Some((mut made, wait)) = best else { return Err(Error::Cancelled) };
+        let wait = wait.unwrap_or(0);
+        if wait > 0 {
+            self.wait_before(&mut made, wait, task, &company)?;
+        }
+        Ok((made, wait))
+    }
+
+    /// Has a motion begin so many frames later.
+    fn wait_before(&self, made: &mut Synthesis, frames: usize, task: &Task, company: &Company) -> Result<()> {
+        let seat = task.start.seat();
+        let rest = |size: f32| {
+            let asked = Pause {
+                frames,
+                before: task.start.body.as_ref().map(|body| body.postures[0]),
+                size,
+                seed: self.seed.wrapping_add(WAIT_SEED),
+                floor: task.start.position.z,
+                around: seat.map_or_else(
+                    || Surroundings::with(self.scene, Seats::default()),
+                    |seat| Surroundings::at_end(self.scene, seat),
+                ),
+            };
+            pause(&made.motion, &asked, self.progress)
+        };
+        let lively = rest(liveliness(self.settings))?;
+        // Who is as near to somebody as can be keeps still.
+        let rest = if company.is_free(&lively) { lively } else { rest(0.0)? };
+        made.motion.postures.splice(0..0, rest.postures);
+        made.motion.contacts.splice(0..0, rest.contacts);
+        made.moments = made.moments.each(|frame| frame + frames);
+        let report = &mut made.report;
+        report.frames += frames;
+        report.action_from = report.action_from.map(|frame| frame + frames);
+        report.cues.iter_mut().for_each(|cue| cue.frame += frames);
+        report.edited.iter_mut().for_each(|edited| edited.complete_frame += frames);
+        Ok(())
+    }
 }
 
 /// What can be known of a performance before anything is played: whether each cue can be met from where the one before is met.
@@ -164,22 +306,19 @@ fn end_of(motion: &Motion, cue: &ActionCue, floor: f32) -> InitialState {
 }
 
 /// A fingerprint of all that every step follows from.
-fn first_key(
-    manifold: Option<&Manifold>,
-    scene: &SceneIndex,
-    database: &MotionDatabase,
-    performance: &Performance,
-    stored: Option<&StoredPolicy>,
-    settings: &Settings,
-    seed: u64,
-) -> blake3::Hash {
+fn first_key(means: &Means, performance: &Performance, others: &[Other]) -> blake3::Hash {
+    let &Means { manifold, scene, database, stored, settings, seed, .. } = means;
     let file = |bytes: Option<Vec<u8>>| bytes.map(|bytes| blake3::hash(&bytes).to_hex().to_string());
     let along = file(manifold.map(Manifold::to_bytes));
     let by = file(stored.map(StoredPolicy::to_bytes));
     let all =
         (along, scene.fingerprint(), &database.library_checksum, &performance.start, by, settings, seed);
     // Numbers, names and lists always serialize.
-    blake3::hash(&serde_json::to_vec(&all).unwrap_or_default())
+    let mut key = blake3::hash(&serde_json::to_vec(&all).unwrap_or_default());
+    for other in others {
+        key = blake3::hash(&[key.as_bytes().as_slice(), other.fingerprint().as_bytes()].concat());
+    }
+    key
 }
 
 fn next_key(before: blake3::Hash, step: &Step, hold_seconds: f32) -> blake3::Hash {
@@ -198,7 +337,7 @@ fn joined(
 ) -> Performed {
     let mut motion = Motion::default();
     let (mut told, mut spans, mut moments) = (Vec::new(), Vec::new(), Vec::new());
-    for (PerformedStep { made, .. }, step) in steps.iter().zip(&performance.steps) {
+    for (PerformedStep { made, waited, .. }, step) in steps.iter().zip(&performance.steps) {
         let first_frame = motion.len().saturating_sub(1);
         // Its first frame is the last of the one before.
         let own = usize::from(!motion.is_empty());
@@ -206,7 +345,7 @@ fn joined(
         motion.contacts.extend(&made.motion.contacts[own..]);
         let when = made.moments.each(|frame| first_frame + frame);
         let sits = step.cue.is_seated() && made.end == EpisodeEnd::Complete;
-        spans.extend(segments(first_frame, motion.len(), &when, sits));
+        spans.extend(segments(first_frame + waited, motion.len(), &when, sits));
         moments.push(when);
         let Report { edited, policy_source, updates, path_m, shortest_path_m, .. } = made.report.clone();
         let cue = step.cue.name.clone();
@@ -216,6 +355,7 @@ fn joined(
             first_frame,
             moments,
             edited,
+            waited: *waited,
             policy_source,
             updates,
             path_m,

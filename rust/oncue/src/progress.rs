@@ -19,6 +19,8 @@ pub struct Progress {
     /// Bits of an `f32` in 0..=1: share of the last update's episodes that met the cue.
     success_rate: AtomicU32,
     stage: Mutex<Stage>,
+    /// Whose work it is, where it is several people's.
+    person: Mutex<Option<String>>,
 }
 
 #[derive(Debug, Default)]
@@ -64,10 +66,17 @@ impl Progress {
         if self.is_cancelled() { Err(Error::Cancelled) } else { Ok(()) }
     }
 
+    /// Whose stages those are that begin from now on; `None` where nobody's in particular.
+    pub fn person(&self, name: Option<&str>) {
+        *self.person.lock().unwrap_or_else(PoisonError::into_inner) = name.map(str::to_owned);
+    }
+
     /// Begin a stage, named as the artist will read it ("Reading motion capture").
     pub fn stage(&self, name: &str) {
         self.end_stage();
-        *self.lock_stage() = Stage { name: name.to_owned(), begun: Some(Instant::now()) };
+        let person = self.person.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let name = person.map_or_else(|| name.to_owned(), |person| format!("{person}: {name}"));
+        *self.lock_stage() = Stage { name: name.clone(), begun: Some(Instant::now()) };
         self.fraction(0.0);
         log::debug!(target: "oncue", "{name} …");
     }

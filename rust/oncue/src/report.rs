@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::controller::optimize::UpdateFigures;
 use crate::cue::Moments;
 use crate::editor::TaskEditFigures;
-use crate::figures::{BodyFigures, StyleFigures};
+use crate::figures::{BodyFigures, OthersFigures, StyleFigures};
 use crate::metrics::{FootFigures, PenetrationFigures, Residual, SpeedFigures};
 use crate::settings::Settings;
 
@@ -39,6 +39,9 @@ pub struct StepReport {
     pub moments: Moments,
     /// What the editor did, in frames of the step's own.
     pub edited: Option<TaskEditFigures>,
+    /// Frames that the person stays, before setting out, for others to pass.
+    #[serde(default, skip_serializing_if = "is_none")]
+    pub waited: usize,
     /// Where the policy came from that played it.
     pub policy_source: PolicySource,
     /// Updates of this run; 0 where the policy that was there served.
@@ -47,6 +50,11 @@ pub struct StepReport {
     pub path_m: f32,
     /// Metres of the shortest clear way.
     pub shortest_path_m: f32,
+}
+
+#[allow(clippy::trivially_copy_pass_by_ref)] // As serde calls it.
+fn is_none(frames: &usize) -> bool {
+    *frames == 0
 }
 
 /// The report of one run.
@@ -74,6 +82,9 @@ pub struct Report {
     /// What was played of a performance, cue after cue; empty for the run of one cue.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<StepReport>,
+    /// How the person is in others of the shot; none of who is alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub others: Option<OthersFigures>,
     /// How well the feet stand.
     pub foot: FootFigures,
     /// How often the body is in the scene.

@@ -15,7 +15,7 @@ use crate::editor::first_step::prepare_first_step;
 use crate::editor::seat::rests_from;
 use crate::editor::{check_manipulations, edit_for_task, shipped_manifold};
 use crate::error::Result;
-use crate::figures::{BodyFigures, StyleValues, Surroundings, body_figures, pose_distance_figures};
+use crate::figures::{BodyFigures, Company, StyleValues, Surroundings, body_figures, pose_distance_figures};
 use crate::library::Segment;
 use crate::library::database::MotionDatabase;
 use crate::life::{Hold, enliven};
@@ -74,6 +74,11 @@ pub fn synthesize(
     synthesize_along(shipped_manifold(), scene, None, database, task, stored, settings, seed, progress)
 }
 
+/// How much moves in who rests.
+pub(crate) fn liveliness(settings: &Settings) -> f32 {
+    settings.synthesizer.life * (1.0 + LIVELIER * settings.kept.liveliness)
+}
+
 /// The same, edited along a given manifold, or by the finishing pass alone where there is none; and measured in `stays`, where
 /// the scene that the motion is planned in holds what will have moved by then.
 ///
@@ -91,12 +96,32 @@ pub fn synthesize_along(
     seed: u64,
     progress: &Progress,
 ) -> Result<Synthesis> {
+    synthesize_among(manifold, scene, stays, database, task, stored, settings, seed, None, progress)
+}
+
+/// The same where other people are about: of the motions that a policy plays, one that meets nobody is preferred.
+///
+/// # Errors
+/// As [`synthesize`].
+#[allow(clippy::too_many_arguments)] // All that a motion follows from, and nothing that groups it.
+pub(crate) fn synthesize_among(
+    manifold: Option<&Manifold>,
+    scene: &SceneIndex,
+    stays: Option<&SceneIndex>,
+    database: &MotionDatabase,
+    task: &Task,
+    stored: Option<&StoredPolicy>,
+    settings: &Settings,
+    seed: u64,
+    company: Option<Company>,
+    progress: &Progress,
+) -> Result<Synthesis> {
     let mut laps = Laps::new();
     progress.stage("Checking the cues");
     settings.validate()?;
     check_task(scene, task)?;
     check_manipulations(task)?;
-    let environment = Environment::new(scene, database, task, settings)?.of_take(seed);
+    let environment = Environment::new(scene, database, task, settings)?.of_take(seed).among(company);
     laps.done("check");
 
     let request = request_of(task, settings, seed);
@@ -129,12 +154,13 @@ pub fn synthesize_along(
         let hold = Hold {
             from,
             frames: from + (settings.synthesizer.hold_seconds * FRAME_RATE) as usize + 1,
-            size: settings.synthesizer.life * (1.0 + LIVELIER * settings.kept.liveliness),
+            size: liveliness(settings),
             seed,
             floor: task.start.position.z,
             feet_free: task.cue.feet.map(|foot| foot.is_none()),
             carried: &carried,
             around,
+            goes_on: false,
         };
         enliven(&mut motion, &hold, progress)?;
         laps.done("life");
@@ -182,6 +208,7 @@ pub fn synthesize_along(
         cues,
         action_from: moments.action_from,
         steps: Vec::new(),
+        others: None,
         foot,
         penetration: penetration.unwrap_or_default(),
         speed: speed_figures(&motion, &database.turns.usual, &database.accelerations),

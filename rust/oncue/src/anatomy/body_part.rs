@@ -38,7 +38,7 @@ use BodyPart::*;
 impl BodyPart {
     /// How far flesh, clothes and fingers give where the part is pressed, metres. Chosen so that captures put on the one
     /// skeleton, whose limbs are not the captured person's, are all but free of depth.
-    pub(super) fn gives(self) -> f32 {
+    pub(crate) fn gives(self) -> f32 {
         match self {
             Pelvis | Trunk => 0.020,
             LeftUpperArm | RightUpperArm | LeftThigh | RightThigh | LeftHand | RightHand => 0.015,

@@ -7,6 +7,7 @@ use super::taste::Taste;
 use crate::action::ActionType;
 use crate::cue::{InitialState, Task};
 use crate::error::{Error, Result};
+use crate::figures::Company;
 use crate::library::Rise;
 use crate::library::database::MotionDatabase;
 use crate::library::feature::PoseFeature;
@@ -36,6 +37,8 @@ pub struct Environment<'a> {
     starts: Vec<Vec2>,
     /// The take's own taste, and what else rollouts follow; the last is none.
     tastes: Vec<Taste>,
+    /// Who else is about.
+    pub(crate) company: Option<Company<'a>>,
 }
 
 impl<'a> Environment<'a> {
@@ -94,6 +97,7 @@ impl<'a> Environment<'a> {
             walk_weights,
             starts,
             tastes: vec![Taste::default()],
+            company: None,
         })
     }
 
@@ -102,6 +106,11 @@ impl<'a> Environment<'a> {
         let height = self.task.cue.pelvis_height().map(|z| z - self.task.start.position.z);
         let tastes = Taste::all_of_take(self.database, seed, height, self.settings);
         Self { tastes, ..self }
+    }
+
+    /// The same with others about.
+    pub(crate) fn among(self, company: Option<Company<'a>>) -> Self {
+        Self { company, ..self }
     }
 
     /// The taste so far from the take's own, which is 0; none beyond the last.

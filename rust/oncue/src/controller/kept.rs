@@ -172,7 +172,8 @@ fn objections(environment: &Environment, candidate: &Candidate) -> f32 {
         + scene.over_3_cm_percent / VERY_DEEP_SHARE;
     // A report tells of the worst alone; of two motions the one with fewer is the better.
     let touches: usize = body.objections(&settings.report).iter().map(Vec::len).sum();
-    (touches + poses.unasked(settings.report.brief_frames)) as f32 + deep
+    let met = environment.company.map_or(0.0, |company| company.objections(&motion));
+    (touches + poses.unasked(settings.report.brief_frames)) as f32 + deep + met
 }
 
 /// The seed of a rollout's own draws. Mixed, so that neighbouring seeds of a request share no rollouts (SplitMix64's

@@ -5,6 +5,7 @@
 
 mod feet;
 mod joint_limits;
+mod others;
 mod own_body;
 mod pose_distance;
 mod problems;
@@ -14,6 +15,8 @@ mod style;
 
 pub use feet::{FlatFoot, Spread, StepFigures, Swivel, WholeFootFigures};
 pub use joint_limits::{BeyondLimit, JointLimitFigures};
+pub(crate) use others::{Company, Other, others_figures};
+pub use others::{OthersFigures, OthersTouch};
 pub use own_body::{OwnBodyFigures, OwnTouch};
 pub use pose_distance::{FarPose, PoseDistanceFigures, PosedPart, pose_distance_figures};
 pub use scene_depth::{SceneDepthFigures, SceneTouch};

@@ -1,6 +1,6 @@
 //! What of the figures a person would not accept, in words.
 
-use super::{BodyFigures, BodyPart, LimitedTurn};
+use super::{BodyFigures, BodyPart, LimitedTurn, OthersFigures};
 use crate::motion::Joint;
 use crate::settings::ReportSettings;
 
@@ -61,6 +61,25 @@ impl BodyFigures {
             )
         });
         [own.collect(), scene.collect(), joints.collect()]
+    }
+}
+
+impl OthersFigures {
+    /// Where the person is in somebody else, in sentences with limb and frames, the worst first: of two people not even a brief touch
+    /// goes unsaid.
+    pub fn problems(&self) -> Vec<String> {
+        let said = self.touches.iter().map(|t| {
+            let [own, theirs] = t.parts;
+            format!(
+                "The {} is {:.0} cm deep in the {} of ‘{}’ ({}).",
+                own.in_words(),
+                t.depth_cm.max(1.0),
+                theirs.in_words(),
+                t.person,
+                frames(t.first, t.end)
+            )
+        });
+        told(said.collect(), "more touches of other people")
     }
 }
 

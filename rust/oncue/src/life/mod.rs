@@ -7,6 +7,7 @@
 mod armrest;
 mod backrest;
 mod limb;
+mod pause;
 mod score;
 
 use std::ops::Range;
@@ -29,6 +30,7 @@ use crate::progress::Progress;
 use armrest::lay_aside;
 use backrest::settle_trunk;
 use limb::reach;
+pub(crate) use pause::{Pause, pause};
 use score::{Moment, Score};
 
 /// Seconds in which a body comes to life as its action completes, and frames in which a hand that follows a cue goes still before it.
@@ -113,6 +115,8 @@ pub(crate) struct Hold<'a> {
     /// Frames in which a hand follows a cue.
     pub carried: &'a [(Hand, Range<usize>)],
     pub around: Surroundings<'a>,
+    /// Whether the rest is left again as it was entered, so that a motion goes on from its end.
+    pub goes_on: bool,
 }
 
 /// Lengthens a motion to what is asked and brings its end to life.
@@ -127,9 +131,10 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
     let frames = motion.len() - hold.from;
     let seconds = frames as f32 / FRAME_RATE;
     let score = Score::new(seconds, hold.size, hold.seed, &mut Pcg64::seed_from_u64(hold.seed ^ 0x11FE_0000));
-    let leans_back = settle_trunk(motion, hold, score.leans_back());
+    // Nobody settles who is about to go.
+    let leans_back = !hold.goes_on && settle_trunk(motion, hold, score.leans_back());
     let armrests = score.armrests();
-    let aside = [0, 1].map(|side| armrests[side] && lay_aside(motion, hold, side));
+    let aside = [0, 1].map(|side| !hold.goes_on && armrests[side] && lay_aside(motion, hold, side));
     let body = Body { leans_back, aside, ..Body::new(motion, hold) };
     let rest: Vec<Flaws> = body.base.par_iter().map(|posture| Flaws::of(posture, hold)).collect();
     let mut less = vec![vec![0.0f32; frames]; GROUPS];
@@ -227,6 +232,8 @@ struct Body<'a> {
     aside: [bool; 2],
     hangs: [bool; 2],
     feet_free: [bool; 2],
+    /// Frames after which all is again as it was, where it is to be.
+    leaves_at: Option<usize>,
     /// How far each hand follows a cue, 0 to 1, by frame.
     carried: [Vec<f32>; 2],
     /// Where the head is turned to at rest, from the pelvis to the left, radians.
@@ -249,14 +256,17 @@ impl<'a> Body<'a> {
         let hangs =
             [0, 1].map(|side| seated && pose.position(LEGS[side][3]).z - TOE_HEIGHT - hold.floor > HANGS);
         let feet_free = [0, 1].map(|side| seated && hold.feet_free[side] && !hangs[side]);
-        Self { base, seated, leans_back: false, aside: [false; 2], hangs, feet_free, carried, looks }
+        let leaves_at = hold.goes_on.then_some(base.len());
+        let aside = [false; 2];
+        Self { base, seated, leans_back: false, aside, hangs, feet_free, leaves_at, carried, looks }
     }
 
     /// A frame with what moves at its moment, `share` of each group; and whether a foot and a hand that rest are missed, or a thigh sinks.
     fn at(&self, frame: usize, moment: &Moment, share: [f32; GROUPS]) -> (Posture, [bool; 2]) {
         let base = self.base[frame];
         let before = base.pose();
-        let begun = smoothstep(frame as f32 / (BEGINS_IN * FRAME_RATE));
+        let part = |frames: usize| smoothstep(frames as f32 / (BEGINS_IN * FRAME_RATE));
+        let begun = part(frame) * self.leaves_at.map_or(1.0, |end| part(end - frame));
         let carried = [0, 1].map(|side| self.carried[side][frame]);
         let left = 1.0 - (1.0 - WHILE_CARRIED) * carried[0].max(carried[1]);
         let of = |group: usize| begun * share[group] * if group >= LEGGED { 1.0 } else { left };
@@ -268,7 +278,7 @@ impl<'a> Body<'a> {
         let (rolls, trunk_share) =
             if self.seated { (ROLLS_SEATED, 1.0) } else { (ROLLS_STANDING, STANDING_TRUNK) };
         let mut settled =
-            if self.seated { moment.settled.extend(0.0) * (share[TRUNK] * left) } else { Vec3::ZERO };
+            if self.settles() { moment.settled.extend(0.0) * (share[TRUNK] * left) } else { Vec3::ZERO };
         let mut stirs = moment.trunk * Vec3::new(trunk_share, trunk_share, 1.0) * much;
         if self.leans_back {
             // What is carried stirs less, and not into what carries it.
@@ -327,6 +337,11 @@ impl<'a> Body<'a> {
         };
         let hands = self.arms(&mut posture, &mut pose, &before, moment, &shares);
         (posture, [feet, hands])
+    }
+
+    /// Whether the trunk takes the seated posture of the take.
+    fn settles(&self) -> bool {
+        self.seated && self.leaves_at.is_none()
     }
 
     /// How far the pelvis has to sink for a leg to reach its foot, metres.

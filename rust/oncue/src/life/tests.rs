@@ -46,7 +46,17 @@ fn hold<'a>(
 ) -> Hold<'a> {
     let seats = if sits { Seats::taken(0, SEAT) } else { Seats::default() };
     let around = Surroundings { scene, ignore_below: 0.1, seats };
-    Hold { from: 10, frames, size: 1.0, seed, floor: 0.0, feet_free: [false; 2], carried, around }
+    Hold {
+        from: 10,
+        frames,
+        size: 1.0,
+        seed,
+        floor: 0.0,
+        feet_free: [false; 2],
+        carried,
+        around,
+        goes_on: false,
+    }
 }
 
 fn alive(motion: &Motion, hold: &Hold) -> Motion {

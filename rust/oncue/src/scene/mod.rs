@@ -177,6 +177,36 @@ impl SceneIndex {
         })
     }
 
+    /// The same scene with more in it, on the same floor: people who are in the way.
+    ///
+    /// # Errors
+    /// `Cancelled`.
+    pub(crate) fn with(&self, solids: &[[Vec3; 3]], progress: &Progress) -> Result<SceneIndex> {
+        let mut corners = self.tree.triangles();
+        corners.extend(solids);
+        let bounds = solids.iter().flatten().fold(self.bounds, |(lo, hi), &v| (lo.min(v), hi.max(v)));
+        let settings = &self.settings;
+        let bottom = self.floor_height + settings.carpet_height;
+        let field =
+            DistanceField::build(&corners, bounds, bottom, settings.cell_size, settings.max_cells, progress)?;
+        // The ways are found in the same cells as before.
+        let raster = &self.occupancy.raster;
+        let last = Vec2::new(raster.width as f32 - 0.5, raster.height as f32 - 0.5) * raster.cell;
+        let region = (raster.origin.extend(bounds.0.z), (raster.origin + last).extend(bounds.1.z));
+        let occupancy = OccupancyGrid::build(&corners, region, self.floor_height, settings, progress)?;
+        let level = Some(self.floor_height);
+        Ok(SceneIndex {
+            settings: settings.clone(),
+            fingerprint: mesh::fingerprint(&corners, settings, level),
+            triangle_count: corners.len(),
+            bounds,
+            floor_height: self.floor_height,
+            tree: TriangleTree::build(&corners, progress)?,
+            field,
+            occupancy,
+        })
+    }
+
     /// The constants that it was indexed with.
     pub fn settings(&self) -> &SceneSettings {
         &self.settings

@@ -231,6 +231,20 @@ impl TriangleTree {
         }
     }
 
+    /// The triangles that it was built from, in their order.
+    pub(super) fn triangles(&self) -> Vec<[Vec3; 3]> {
+        let lanes = || {
+            let of = |block: &TriangleBlock| {
+                (0..8).map(|lane| (block.index[lane], block.triangle(lane))).collect::<Vec<_>>()
+            };
+            self.blocks.iter().flat_map(of).filter(|(index, _)| *index != u32::MAX)
+        };
+        let count = lanes().map(|(index, _)| index as usize + 1).max().unwrap_or(0);
+        let mut out = vec![[Vec3::ZERO; 3]; count];
+        lanes().for_each(|(index, triangle)| out[index as usize] = triangle);
+        out
+    }
+
     /// Bytes held.
     pub(super) fn memory(&self) -> usize {
         self.nodes.len() * size_of::<Node>() + self.blocks.len() * size_of::<TriangleBlock>()
