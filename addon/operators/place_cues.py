@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from ..bridge import cue_objects, hand_reader, seat_finder
+from ..bridge import cue_objects, hand_reader, seat_finder, session
 from ..bridge.shown_cues import played_cues
 from ..errors import SceneError
 from ..job_operator import handle
@@ -98,6 +98,20 @@ class ONCUE_OT_select_cue(Button, bpy.types.Operator):
         cue_objects.select_cue(context, self.cue)
 
 
+class ONCUE_OT_be_here(Button, bpy.types.Operator):
+    """Have the person be here at a frame, or take that off: at first that on which it is now, else the current one"""
+
+    bl_idname = "oncue.be_here"
+    bl_label = "Be Here at Frame"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    cue: StringProperty(name="Cue", description="The Sit or Stop cue", options={"SKIP_SAVE"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        met = session.frames_of_cues(context).get(self.cue)
+        cue_objects.be_here(context, self.cue, context.scene.frame_current if met is None else met)
+
+
 class ONCUE_OT_sit_on_selection(Button, bpy.types.Operator):
     """Place the Sit cue on the seat's selected face (edit mode) or on the active object, facing away from its back"""
 
@@ -180,7 +194,7 @@ It goes along with the selected object"""
 
 
 CLASSES = (
-    *(ONCUE_OT_move_step, ONCUE_OT_select_cue),
+    *(ONCUE_OT_move_step, ONCUE_OT_select_cue, ONCUE_OT_be_here),
     *(ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_move_to_edge),
     *(ONCUE_OT_place_foot, ONCUE_OT_place_hand),
 )

@@ -31,6 +31,7 @@ use crate::scene::{MovingObject, SceneIndex, check_task, short_of_knee_room};
 use crate::seats::Seats;
 use crate::settings::Settings;
 use crate::synthesizer::unhurried;
+use crate::timing::unpunctual;
 
 /// How much more moves in the liveliest, as a part of the usual, and less in the calmest.
 const LIVELIER: f32 = 0.6;
@@ -129,11 +130,12 @@ pub fn synthesize_along(
         let hold = Hold {
             from,
             frames: from + (settings.synthesizer.hold_seconds * FRAME_RATE) as usize + 1,
-            size: settings.synthesizer.life * (1.0 + LIVELIER * settings.kept.liveliness),
+            size: liveliness(settings),
             seed,
             floor: task.start.position.z,
             feet_free: task.cue.feet.map(|foot| foot.is_none()),
             carried: &carried,
+            goes_on: false,
             around,
         };
         enliven(&mut motion, &hold, progress)?;
@@ -201,6 +203,11 @@ pub fn synthesize_along(
         curve: learning.curve,
     };
     Ok(Synthesis { motion, end: kept.end, moments, not_done, report, policy })
+}
+
+/// How much moves in who stays, 1 as usual.
+pub(crate) fn liveliness(settings: &Settings) -> f32 {
+    settings.synthesizer.life * (1.0 + LIVELIER * settings.kept.liveliness)
 }
 
 /// What happens in the frames `first..end` of a motion, in which a cue is met: someone gets up, if anyone sat; is on foot; and, where
@@ -280,7 +287,9 @@ pub fn measure_performance(
         .flat_map(|((step, m), first)| residuals(motion, &step.passes, &step.cue, first, m.complete))
         .collect();
     let (floor, seats) = (performance.start.position.z, performance.seats(moments));
-    measure_cues(motion, around, floor, seats, cues, settings)
+    let mut measured = measure_cues(motion, around, floor, seats, cues, settings);
+    measured.problems.extend(unpunctual(performance, moments));
+    measured
 }
 
 /// How the waypoints on the way to a cue are passed from frame `first` on, and how it is met on frame `complete`.

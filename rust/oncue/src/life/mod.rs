@@ -1,5 +1,5 @@
-//! What keeps alive who sits or stands at a motion's end, for as long as asked: breath, sway, looks, shifts of the weight, hands
-//! and knees that stir (ours; the paper's motions end with their clips).
+//! What keeps alive who sits or stands at a motion's end, for as long as asked, or waits before it begins: breath, sway, looks,
+//! shifts of the weight, hands and knees that stir (ours; the paper's motions end with their clips).
 //!
 //! All of it is laid over the motion that is there, by a seed. Feet stay where they stand, hands where they rest or follow
 //! their cues, a seated pelvis on its cue. Where it would bring the body into itself or into the scene there is less of it.
@@ -24,10 +24,10 @@ use crate::library::foot::LEGS;
 use crate::math::curve::{smoothstep, softened, widened};
 use crate::math::rotation::{wrap_angle, yaw};
 use crate::motion::skeleton::{ARMS, BODY_BOXES, JOINT_OFFSET, LEG_LENGTH, Limb, TOE_HEIGHT};
-use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
+use crate::motion::{FRAME_RATE, FootContact, Joint, Motion, Pose, Posture};
 use crate::progress::Progress;
 use armrest::lay_aside;
-use backrest::settle_trunk;
+use backrest::{leans_already, settle_trunk};
 use limb::reach;
 use score::{Moment, Score};
 
@@ -112,7 +112,37 @@ pub(crate) struct Hold<'a> {
     pub feet_free: [bool; 2],
     /// Frames in which a hand follows a cue.
     pub carried: &'a [(Hand, Range<usize>)],
+    /// Whether the body goes on from its last frame, and so is there as it is without; it has settled before.
+    pub goes_on: bool,
     pub around: Surroundings<'a>,
+}
+
+/// Who goes on resting for so many frames as at a motion's begin, and then begins: the postures before that. `before` and `now`: the
+/// posture one frame before the motion, and that with which it begins, as fast as there. `hold.from` and `hold.frames` play no part.
+///
+/// # Errors
+/// `Cancelled`.
+pub(crate) fn rest_before(
+    [before, now]: [&Posture; 2],
+    contact: FootContact,
+    frames: usize,
+    hold: Hold,
+    progress: &Progress,
+) -> Result<Motion> {
+    let seated = hold.around.seats.at_end().is_some();
+    let mut motion = Motion::default();
+    for frame in 0..=frames {
+        // What moves comes to rest, and sets in as it will.
+        let rested = |frames: usize| SETTLES * (1.0 - SETTLES.powi(frames as i32)) / (1.0 - SETTLES);
+        let part = smoothstep(frame as f32 / frames.max(1) as f32);
+        let goes_on = (1.0 - part) * rested(frame) - part * rested(frames - frame);
+        motion.postures.push(gone_on(before, now, goes_on, seated));
+        motion.contacts.push(contact);
+    }
+    enliven(&mut motion, &Hold { from: 0, frames: frames + 1, goes_on: true, ..hold }, progress)?;
+    motion.postures.truncate(frames);
+    motion.contacts.truncate(frames);
+    Ok(motion)
 }
 
 /// Lengthens a motion to what is asked and brings its end to life.
@@ -127,9 +157,12 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
     let frames = motion.len() - hold.from;
     let seconds = frames as f32 / FRAME_RATE;
     let score = Score::new(seconds, hold.size, hold.seed, &mut Pcg64::seed_from_u64(hold.seed ^ 0x11FE_0000));
-    let leans_back = settle_trunk(motion, hold, score.leans_back());
+    let leans_back = match hold.goes_on {
+        true => leans_already(motion, hold),
+        false => settle_trunk(motion, hold, score.leans_back()),
+    };
     let armrests = score.armrests();
-    let aside = [0, 1].map(|side| armrests[side] && lay_aside(motion, hold, side));
+    let aside = [0, 1].map(|side| !hold.goes_on && armrests[side] && lay_aside(motion, hold, side));
     let body = Body { leans_back, aside, ..Body::new(motion, hold) };
     let rest: Vec<Flaws> = body.base.par_iter().map(|posture| Flaws::of(posture, hold)).collect();
     let mut less = vec![vec![0.0f32; frames]; GROUPS];
@@ -189,38 +222,45 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
 fn lengthen(motion: &mut Motion, frames: usize, seated: bool) {
     let (Some(&last), Some(&contact)) = (motion.postures.last(), motion.contacts.last()) else { return };
     let before = motion.postures[motion.len().saturating_sub(2)];
-    let feet = last.pose();
     let mut goes_on = 0.0;
     let mut share = 1.0;
     for _ in motion.len()..frames {
         share *= SETTLES;
         goes_on += share;
-        let mut posture = last;
-        if !seated {
-            posture.root_position += (last.root_position - before.root_position) * goes_on;
-        }
-        for (rotation, before) in posture.rotations.iter_mut().zip(before.rotations) {
-            let mut turn = before.inverse() * *rotation;
-            if turn.w < 0.0 {
-                turn = -turn;
-            }
-            *rotation = (*rotation * Quat::from_scaled_axis(turn.to_scaled_axis() * goes_on)).normalize();
-        }
-        let mut pose = posture.pose();
-        for [thigh, shin, foot, toe] in LEGS {
-            posture.rotations[toe.index()] = last.rotations[toe.index()];
-            let (to, turned) = (feet.position(foot), feet.rotation(foot));
-            reach(&mut posture, &mut pose, [thigh, shin, foot], Vec3::X, to, turned, 0.0);
-        }
-        motion.postures.push(posture);
+        motion.postures.push(gone_on(&before, &last, goes_on, seated));
         motion.contacts.push(contact);
     }
+}
+
+/// The posture `last` so many frames later, as it went on from the one before; the feet stay, and so does the place of a pelvis that sits.
+fn gone_on(before: &Posture, last: &Posture, goes_on: f32, seated: bool) -> Posture {
+    let feet = last.pose();
+    let mut posture = *last;
+    if !seated {
+        posture.root_position += (last.root_position - before.root_position) * goes_on;
+    }
+    for (rotation, before) in posture.rotations.iter_mut().zip(before.rotations) {
+        let mut turn = before.inverse() * *rotation;
+        if turn.w < 0.0 {
+            turn = -turn;
+        }
+        *rotation = (*rotation * Quat::from_scaled_axis(turn.to_scaled_axis() * goes_on)).normalize();
+    }
+    let mut pose = posture.pose();
+    for [thigh, shin, foot, toe] in LEGS {
+        posture.rotations[toe.index()] = last.rotations[toe.index()];
+        let (to, turned) = (feet.position(foot), feet.rotation(foot));
+        reach(&mut posture, &mut pose, [thigh, shin, foot], Vec3::X, to, turned, 0.0);
+    }
+    posture
 }
 
 /// The body that is brought to life: the motion without, and what of it rests on what.
 struct Body<'a> {
     base: &'a [Posture],
     seated: bool,
+    /// It has settled before, and goes on from its last frame.
+    goes_on: bool,
     /// The trunk is carried by the back of the seat.
     leans_back: bool,
     /// Hands that lie on the arms of the seat.
@@ -249,14 +289,16 @@ impl<'a> Body<'a> {
         let hangs =
             [0, 1].map(|side| seated && pose.position(LEGS[side][3]).z - TOE_HEIGHT - hold.floor > HANGS);
         let feet_free = [0, 1].map(|side| seated && hold.feet_free[side] && !hangs[side]);
-        Self { base, seated, leans_back: false, aside: [false; 2], hangs, feet_free, carried, looks }
+        let goes_on = hold.goes_on;
+        Self { base, seated, goes_on, leans_back: false, aside: [false; 2], hangs, feet_free, carried, looks }
     }
 
     /// A frame with what moves at its moment, `share` of each group; and whether a foot and a hand that rest are missed, or a thigh sinks.
     fn at(&self, frame: usize, moment: &Moment, share: [f32; GROUPS]) -> (Posture, [bool; 2]) {
         let base = self.base[frame];
         let before = base.pose();
-        let begun = smoothstep(frame as f32 / (BEGINS_IN * FRAME_RATE));
+        let last = if self.goes_on { self.base.len() - 1 - frame } else { usize::MAX };
+        let begun = smoothstep(frame.min(last) as f32 / (BEGINS_IN * FRAME_RATE));
         let carried = [0, 1].map(|side| self.carried[side][frame]);
         let left = 1.0 - (1.0 - WHILE_CARRIED) * carried[0].max(carried[1]);
         let of = |group: usize| begun * share[group] * if group >= LEGGED { 1.0 } else { left };
@@ -267,8 +309,9 @@ impl<'a> Body<'a> {
         let much = of(TRUNK);
         let (rolls, trunk_share) =
             if self.seated { (ROLLS_SEATED, 1.0) } else { (ROLLS_STANDING, STANDING_TRUNK) };
+        let settles = self.seated && !self.goes_on;
         let mut settled =
-            if self.seated { moment.settled.extend(0.0) * (share[TRUNK] * left) } else { Vec3::ZERO };
+            if settles { moment.settled.extend(0.0) * (share[TRUNK] * left) } else { Vec3::ZERO };
         let mut stirs = moment.trunk * Vec3::new(trunk_share, trunk_share, 1.0) * much;
         if self.leans_back {
             // What is carried stirs less, and not into what carries it.
@@ -386,7 +429,8 @@ impl<'a> Body<'a> {
         let heading = Quat::from_rotation_z(self.base[0].planar().yaw);
         for (side, sign) in [1.0f32, -1.0].into_iter().enumerate() {
             let [_, upper, lower, hand] = ARMS[side];
-            let [stirs, settles] = if self.aside[side] { [STIRS_ASIDE, 0.0] } else { [1.0; 2] };
+            let [stirs, mut settles] = if self.aside[side] { [STIRS_ASIDE, 0.0] } else { [1.0; 2] };
+            settles *= if self.goes_on { 0.0 } else { 1.0 };
             let stir = moment.hands[side] * (stirs * much[side] * (1.0 - carried[side]));
             let settles = moment.hands_settle[side] * (settles * much[side] * (1.0 - carried[side]));
             let stays = if self.seated { 1.0 } else { carried[side] };
