@@ -60,8 +60,7 @@ impl Timing<'_> {
         first: usize,
         seed: u64,
     ) -> Result<Timed> {
-        let as_it_comes =
-            Timed { motion: made.motion.clone(), moments: made.moments, waits: 0, dawdles: 0 };
+        let as_it_comes = Timed { motion: made.motion.clone(), moments: made.moments, waits: 0, dawdles: 0 };
         let Some(asked) = asked_frame(step).filter(|_| made.end == EpisodeEnd::Complete) else {
             return Ok(as_it_comes);
         };
@@ -79,7 +78,7 @@ impl Timing<'_> {
         if by > most.max(0) {
             return self.waiting(as_it_comes, start, by as usize, seed);
         }
-        let dawdles = by.max(most);
+        let dawdles = if by > 0 { by } else { by.max(most) };
         if dawdles == 0 {
             return Ok(as_it_comes);
         }
@@ -134,7 +133,10 @@ pub(crate) fn unpunctual(performance: &Performance, moments: &[Moments]) -> Vec<
                  that; ask for it later, or have the person stay shorter before."
             )
         } else {
-            format!("‘{name}’ is reached on frame {met}, {:.1} s before frame {asked}, which was asked for.", -late)
+            format!(
+                "‘{name}’ is reached on frame {met}, {:.1} s before frame {asked}, which was asked for.",
+                -late
+            )
         })
     };
     performance.steps.iter().zip(moments).filter_map(said).collect()

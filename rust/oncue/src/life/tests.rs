@@ -46,7 +46,17 @@ fn hold<'a>(
 ) -> Hold<'a> {
     let seats = if sits { Seats::taken(0, SEAT) } else { Seats::default() };
     let around = Surroundings { scene, ignore_below: 0.1, seats };
-    Hold { from: 10, frames, size: 1.0, seed, floor: 0.0, feet_free: [false; 2], carried, goes_on: false, around }
+    Hold {
+        from: 10,
+        frames,
+        size: 1.0,
+        seed,
+        floor: 0.0,
+        feet_free: [false; 2],
+        carried,
+        goes_on: false,
+        around,
+    }
 }
 
 #[test]
@@ -82,7 +92,12 @@ fn who_waits_before_a_motion_lives_and_ends_where_it_begins() {
             let [a, b] = [a, a + 1].map(|frame| whole[frame].rotations[Joint::Head.index()]);
             a.angle_between(b)
         };
-        assert!(frames < 30 || (turn(0) > 0.005 && turn(frames - 1) > 0.005), "{} {}", turn(0), turn(frames - 1));
+        assert!(
+            frames < 30 || (turn(0) > 0.005 && turn(frames - 1) > 0.005),
+            "{} {}",
+            turn(0),
+            turn(frames - 1)
+        );
         let moves = (0..frames).map(|frame| away(frame, Joint::LeftHand)).fold(0.0, f32::max);
         assert!(frames < 30 || moves > 0.005, "{moves}");
     }

@@ -27,8 +27,10 @@ const EASE: usize = 5;
 const SAME: f32 = 1e-3;
 
 /// Who hurries walks so many times as fast, and does all else so many times as fast; who takes their time walks so many times as fast.
-const HURRIED: (f32, f32) = (1.25, 1.12);
+const HURRIED: (f32, f32) = (1.25, 1.2);
 const LEISURELY: f32 = 0.8;
+/// Who hurries turns no joint more than so many times as fast as the library's people at their own pace at the most.
+const HURRIED_TURNS: f32 = 1.25;
 /// Nobody is made to walk faster than this over a stride, nor slower than that, m/s.
 pub(crate) const FASTEST_WALK: f32 = 1.6;
 const SLOWEST_WALK: f32 = 0.6;
@@ -95,11 +97,16 @@ fn hurry(pair: &[Posture], limits: &TurnLimits) -> f32 {
 
 /// How many times faster than [`MOST_TURN`] the person turns about each step between two frames, at least 1.
 fn whirls(motion: &Motion) -> Vec<f32> {
+    turning_speeds(motion).iter().map(|speed| (speed / MOST_TURN).max(1.0)).collect()
+}
+
+/// How fast the person turns round about each step between two frames, radians a second.
+fn turning_speeds(motion: &Motion) -> Vec<f32> {
     let yaws: Vec<f32> = motion.postures.iter().map(|posture| yaw(posture.rotations[0])).collect();
     let turns: Vec<f32> = yaws.windows(2).map(|pair| wrap_angle(pair[1] - pair[0])).collect();
     let around = |i: usize| &turns[i.saturating_sub(TURN_AROUND)..(i + TURN_AROUND + 1).min(turns.len())];
     let speed = |steps: &[f32]| steps.iter().sum::<f32>().abs() * FRAME_RATE / steps.len() as f32;
-    (0..turns.len()).map(|i| (speed(around(i)) / MOST_TURN).max(1.0)).collect()
+    (0..turns.len()).map(|i| speed(around(i))).collect()
 }
 
 /// How many times longer a step takes that is `ratio` times too fast.
@@ -116,16 +123,19 @@ pub(crate) struct Leeway {
 }
 
 impl Leeway {
-    /// Of who hurries to be where they are on frame `until`: nobody walks faster than people do, and no joint turns faster than
-    /// `limits`, but where it does anyway.
+    /// Of who hurries to be where they are on frame `until`: nobody walks or turns round faster than people do, and no joint turns more
+    /// than [`HURRIED_TURNS`] times as fast as `limits`, but where it does anyway.
     pub(crate) fn hurried(motion: &Motion, until: usize, limits: &TurnLimits) -> Self {
         let speeds = walking_speeds(motion);
-        let whirls = whirls(motion);
+        let turning = turning_speeds(motion);
         let most = |step: usize| {
             let walks = walks(speeds[step]);
             let own = HURRIED.1 + (HURRIED.0 - HURRIED.1) * walks;
-            let turns = turned(&motion.postures[step..step + 2], limits).max(whirls[step]);
-            own.min((FASTEST_WALK / speeds[step].max(1e-3)).max(1.0)).min((TURN_SHARE / turns.max(1e-3)).max(1.0))
+            let turns = turned(&motion.postures[step..step + 2], limits);
+            let spare = |most: f32, now: f32| (most / now.max(1e-3)).max(1.0);
+            own.min(spare(FASTEST_WALK, speeds[step]))
+                .min(spare(TURN_SHARE * HURRIED_TURNS, turns))
+                .min(spare(MOST_TURN, turning[step]))
         };
         // What can be spared of each frame, …
         let kept: Vec<f32> =
@@ -438,7 +448,10 @@ mod tests {
             for by in [leeway.most(), leeway.most() / 2, -1] {
                 let paced = leeway.taken(&motion, by);
                 let met = 110usize.saturating_add_signed(by);
-                assert_eq!((paced.frame_of(110), paced.motion.len()), (met, 120usize.saturating_add_signed(by)));
+                assert_eq!(
+                    (paced.frame_of(110), paced.motion.len()),
+                    (met, 120usize.saturating_add_signed(by))
+                );
                 // The same frames before and after, and all of the way.
                 assert!(paced.motion.postures[met..] == motion.postures[110..]);
                 assert_eq!(paced.motion.postures[0], motion.postures[0]);
@@ -461,12 +474,12 @@ mod tests {
             posture.rotations[Joint::LeftForeArm.index()] = Quat::from_rotation_x(0.05 * frame as f32);
         }
         let most = |limit: f32| Leeway::hurried(&motion, 110, &TurnLimits::new([limit; JOINT_COUNT])).most();
-        assert_eq!(most(0.05), 0);
-        let (some, all) = (most(0.055), most(LOOSE));
+        assert_eq!(most(0.05 / HURRIED_TURNS), 0);
+        let (some, all) = (most(0.045), most(LOOSE));
         assert!(all < some && some < -5, "{some} {all}");
-        let limits = TurnLimits::new([0.055; JOINT_COUNT]);
+        let limits = TurnLimits::new([0.045; JOINT_COUNT]);
         let paced = Leeway::hurried(&motion, 110, &limits).taken(&motion, some);
-        assert!(paced.motion.postures.windows(2).all(|pair| turned(pair, &limits) <= 1.0));
+        assert!(paced.motion.postures.windows(2).all(|pair| turned(pair, &limits) <= HURRIED_TURNS));
     }
 
     #[test]
