@@ -59,50 +59,6 @@ fn hold<'a>(
     }
 }
 
-#[test]
-fn who_waits_before_a_motion_lives_and_ends_where_it_begins() {
-    let scene = stool();
-    for (sits, frames) in [(true, 90), (false, 90), (true, 4), (false, 300)] {
-        let motion = if sits { seated(2) } else { standing(2) };
-        let (before, mut now) = (motion.postures[0], motion.postures[1]);
-        // It moves a little as the one before ends, and as what comes begins.
-        now.rotations[Joint::Head.index()] *= Quat::from_rotation_z(0.01);
-        let asked = hold(&scene, sits, 0, 3, &[]);
-        let waits = rest_before([&before, &now], [1.0; 2], frames, asked, &Progress::new()).expect("a wait");
-        assert_eq!((waits.len(), waits.contacts.len()), (frames, frames));
-        let mut whole = waits.postures.clone();
-        whole.push(now);
-        let place = |frame: usize, joint: Joint| whole[frame].pose().position(joint);
-        // The feet stay, a pelvis that sits too, and the ends are where they were.
-        let away = |frame: usize, joint: Joint| place(frame, joint).distance(now.pose().position(joint));
-        for frame in 0..=frames {
-            assert!(Joint::TOES.iter().all(|toe| away(frame, *toe) < 2e-3));
-            assert!(away(frame, Joint::Hips) < if sits { 1e-4 } else { 0.03 });
-        }
-        for joint in Joint::ALL {
-            assert!(away(0, joint) < 1e-3, "{joint:?} {}", away(0, joint));
-            // No joint is thrown, at the ends neither.
-            for frame in 1..frames {
-                let turn = place(frame + 1, joint) - 2.0 * place(frame, joint) + place(frame - 1, joint);
-                assert!(turn.length() < 0.006, "{joint:?} {frame} of {frames}: {}", turn.length());
-            }
-        }
-        // It goes on as fast as before, and begins as fast.
-        let turn = |a: usize| {
-            let [a, b] = [a, a + 1].map(|frame| whole[frame].rotations[Joint::Head.index()]);
-            a.angle_between(b)
-        };
-        assert!(
-            frames < 30 || (turn(0) > 0.005 && turn(frames - 1) > 0.005),
-            "{} {}",
-            turn(0),
-            turn(frames - 1)
-        );
-        let moves = (0..frames).map(|frame| away(frame, Joint::LeftHand)).fold(0.0, f32::max);
-        assert!(frames < 30 || moves > 0.005, "{moves}");
-    }
-}
-
 fn alive(motion: &Motion, hold: &Hold) -> Motion {
     let mut out = motion.clone();
     enliven(&mut out, hold, &Progress::new()).expect("not cancelled");
