@@ -266,7 +266,7 @@ fn a_cue_is_met_at_its_time_by_who_hurries_dawdles_or_waits() {
             }
             let [begins, end] =
                 [&free.report.steps[step].first_frame, &free.report.steps[step].moments.complete];
-            assert!(made.motion.postures[..=*begins] == free.motion.postures[..=*begins]);
+            assert!(made.motion.postures[..*begins] == free.motion.postures[..*begins]);
             assert!(made.motion.postures[told.moments.complete..] == free.motion.postures[*end..]);
             // Feet stand, joints turn no faster than the library's, and nobody jumps.
             assert!(slides(&made.motion) < usual + 2e-4, "{} {usual}", slides(&made.motion));
