@@ -9,18 +9,20 @@ child takes more steps, and a giant fewer, at speeds that go with the square roo
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import Any
 
 #: Fields of a report that are lengths, speeds and times; accelerations, angles and shares are the same at any size.
 _LENGTH = re.compile(r"(_cm|_m|^place|^position|^feet|^path|^positions)$")
 _SPEED = re.compile(r"_c?m_per_s$")
-_TIME = re.compile(r"(_s|^hold_seconds|^at)$")
+_TIME = re.compile(r"(_s|^hold_seconds|^at_seconds|^at)$")
 #: Speeds that have no unit in their name.
 _SPEEDS = {"walking", "fastest"}
 #: Parts of a report that are none of the motion's.
 _ASIDE = {"settings", "seconds", "curve", "extension", "task"}
-#: “12 cm”, “0.35 m”, “1.4 m/s”; “3.5 s”; “at 1.20, -0.50, 0.66”.
+#: “12 cm”, “0.35 m”; “3.5 s”; “at 1.20, -0.50, 0.66”.
 _LENGTHS = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?)( c?m)(?![\w/])")
+_SECONDS = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?)( s)(?!\w)")
 _PLACES = re.compile(r"(?<= at )(-?\d+\.\d+), (-?\d+\.\d+), (-?\d+\.\d+)")
 
 
@@ -69,15 +71,16 @@ def report_in_scene(report: dict[str, Any], size: float) -> dict[str, Any]:
 
 
 def sentence_in_scene(sentence: str, size: float) -> str:
-    """A sentence of the core with its lengths and places in the scene's metres."""
+    """A sentence of the core with its lengths, places and times in the scene's metres and seconds."""
     if size == 1.0:
         return sentence
 
-    def length(match: re.Match[str]) -> str:
+    def times(factor: float, match: re.Match[str]) -> str:
         decimals = len(match[1].partition(".")[2])
-        return f"{float(match[1]) * size:.{decimals}f}{match[2]}"
+        return f"{float(match[1]) * factor:.{decimals}f}{match[2]}"
 
     def place(match: re.Match[str]) -> str:
         return ", ".join(f"{float(number) * size:.2f}" for number in match.groups())
 
-    return _PLACES.sub(place, _LENGTHS.sub(length, sentence))
+    told = _LENGTHS.sub(partial(times, size), sentence)
+    return _PLACES.sub(place, _SECONDS.sub(partial(times, clock(size)), told))

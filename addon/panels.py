@@ -11,7 +11,7 @@ import bpy
 from . import body_size, native
 from .bridge import own_rig, people, session, takes
 from .bridge.cue_objects import KINDS
-from .bridge.names import CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
+from .bridge.names import AT_FRAME_KEY, CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
 from .bridge.puppet import is_own_skeleton, who_acts
 from .bridge.shown_cues import ENDS, FEET, HANDS, PASS, end_cues, person_of, played_cues, visible_cues
@@ -88,6 +88,8 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
                     row.prop(cue, f'["{key}"]', text="")
             if HOLD_KEY in cue:
                 row.prop(cue, f'["{HOLD_KEY}"]', text="Stays (s)")
+            if cue[CUE_KEY] in ENDS and (AT_FRAME_KEY in cue or cue == context.active_object):
+                _draw_time(column.row(align=True), cue)
         kinds = {cue[CUE_KEY] for cue in cues}
         if "start" not in kinds:
             column.label(text="No Start cue yet", icon="INFO")
@@ -135,6 +137,15 @@ def _draw_step(row: bpy.types.UILayout, cue: bpy.types.Object, played: list, fra
     for icon, by in (("TRIA_UP", -1), ("TRIA_DOWN", 1)):
         button = row.operator("oncue.move_step", text="", icon=icon)
         button.cue, button.by = cue.name, by
+
+
+def _draw_time(row: bpy.types.UILayout, cue: bpy.types.Object) -> None:
+    """The frame on which a cue is to be reached, and what gives it one or takes it off."""
+    timed = AT_FRAME_KEY in cue
+    icon = "CHECKBOX_HLT" if timed else "CHECKBOX_DEHLT"
+    row.operator("oncue.be_here", icon=icon, emboss=False).cue = cue.name
+    if timed:
+        row.prop(cue, f'["{AT_FRAME_KEY}"]', text="")
 
 
 class ONCUE_PT_library(OncuePanel, bpy.types.Panel):
@@ -459,8 +470,11 @@ def _draw_pins(column: bpy.types.UILayout, pins: list[Pin]) -> None:
 def result_lines(report: dict) -> list[tuple[str, str]]:
     """The figures of a report as (line, icon)."""
     lines = []
+    late = {step["cue"]: step.get("late_s") for step in report.get("steps", [])}
     for cue in report.get("cues", []):
         lines.append((f"{cue['cue']}: {'met' if cue['met'] else 'not met'}", "CHECKMARK" if cue["met"] else "ERROR"))
+        if (by := late.get(cue["cue"])) is not None:
+            lines.append((_late_line(by), "BLANK1"))
         if cue.get("action_type") == PASS:
             lines.append((f"    Passed {cue['pelvis_cm']:.1f} cm away", "BLANK1"))
         else:
@@ -485,6 +499,14 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
     if seconds:
         lines.append((f"Made in {sum(seconds.values()):.0f} s, seed {report.get('seed', 0)}", "TIME"))
     return lines
+
+
+def _late_line(seconds: float) -> str:
+    """Whether a cue is met at its time."""
+    by = f"{abs(seconds):.1f}"
+    if by == "0.0":
+        return "    On time"
+    return f"    {by} s late" if seconds > 0.0 else f"    {by} s early"
 
 
 def deepest_line(report: dict) -> tuple[str, int] | None:

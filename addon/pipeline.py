@@ -94,6 +94,12 @@ def passes_of(asked: Asked) -> list[list[core.PassCue]]:
     return [step.get("passes", []) for step in several["steps"]] if several else [task_of(asked).get("passes", [])]
 
 
+def times_of(asked: Asked) -> list[float | None]:
+    """When each of these cues is to be met, seconds from the motion's first frame; None where no time is asked for."""
+    several = performance_of(asked)
+    return [step.get("at_seconds") for step in several["steps"]] if several else [None]
+
+
 def hands_of(asked: Asked) -> list[core.ManipulationCue]:
     """The hands' cues that are asked for; among several cues there are none."""
     return [] if performance_of(asked) else task_of(asked).get("manipulations", [])
@@ -387,7 +393,9 @@ def _passing_steps(request: Request, synthesis: core.Synthesis | core.Performed)
     """How a motion gets past what moves. A hand that holds something on its way keeps its frames: then nobody waits."""
     hands = bool(hands_of(request.task))
     floor = request.task["start"]["position"][2]
-    return (yield from _past(request.moving, synthesis, floor, hands, 0 if hands else MOST_WAIT))
+    # Nor does who is to be somewhere at a time.
+    bound = hands or any(at is not None for at in times_of(request.task))
+    return (yield from _past(request.moving, synthesis, floor, hands, 0 if bound else MOST_WAIT))
 
 
 def _looks(

@@ -14,6 +14,7 @@ from mathutils import Matrix, Vector
 from ..errors import SceneError
 from . import compat
 from .names import (
+    AT_FRAME_KEY,
     CHARACTER_KEY,
     CUE_KEY,
     FIRST_FRAME_KEY,
@@ -331,6 +332,20 @@ def facing_on_the_way(
             way = way if kind == "start" else -way
             return yaw_from_heading(math.atan2(way.y, way.x))
     return 0.0
+
+
+def be_here(context: bpy.types.Context, name: str, frame: int) -> None:
+    """Has a sit or stop cue be reached on a frame, or whenever it comes to it where it has one. Raises SceneError."""
+    cue = next((cue for cue in end_cues(context) if cue.name == name), None)
+    if cue is None:
+        raise SceneError(f"There is no Sit or Stop cue {name} any more.")
+    if not cue.is_editable:
+        raise SceneError(f"{cue.name} is linked and cannot get a frame: hide it, and press again.")
+    if AT_FRAME_KEY in cue:
+        del cue[AT_FRAME_KEY]
+        return
+    cue[AT_FRAME_KEY] = frame
+    cue.id_properties_ui(AT_FRAME_KEY).update(description="The frame of the scene on which the person is to be here")
 
 
 def select_cue(context: bpy.types.Context, name: str) -> None:

@@ -9,8 +9,8 @@ import bpy
 
 from ..errors import SceneError
 from .cue_objects import forward_of
-from .names import CUE_KEY, HOLD_KEY
-from .scene_time import current_frame_kept, may_move, moving
+from .names import AT_FRAME_KEY, CUE_KEY, HOLD_KEY
+from .scene_time import current_frame_kept, frame_rate, may_move, moving
 from .shown_cues import FEET, PASS, PLAYED, end_cues, person_of, played_cues, visible_cues
 
 #: Longer nobody stays, seconds.
@@ -26,7 +26,8 @@ def read_task(
     as_drawn: bool = False,
     start: bpy.types.Object | None = None,
 ) -> dict:
-    """The task as the core takes it, of several sit and stop cues the performance: metres, radians.
+    """The task as the core takes it, of several sit and stop cues, or one that is to be reached at a time, the
+    performance: metres, radians, seconds from the motion's first frame.
 
     Raises SceneError naming the cue that is missing, too many, or leads nowhere. `as_drawn`: as the view shows it now,
     without evaluating anything. `start`: of several people's, whose performance it is, of however many cues.
@@ -52,6 +53,7 @@ def read_task(
     steps: list[dict] = []
     passes: list[dict] = []
     alone = len(ends) == 1 and not several
+    times = _times_of(context, ends)
     for cue in played_cues(context, start):
         if cue[CUE_KEY] == PASS:
             passes.append({"name": cue.name, "position": _position(cue, depsgraph, metres_per_unit)})
@@ -63,14 +65,15 @@ def read_task(
             "feet": [_foot(context, depsgraph, kind, cue, alone, metres_per_unit) for kind in FEET],
         }
         # They are passed on the way to the next cue at which the person stays.
-        steps.append({"cue": asked, "hold_seconds": _hold_of(cue), **({"passes": passes} if passes else {})})
+        at = {"at_seconds": times[cue.name]} if cue.name in times else {}
+        steps.append({"cue": asked, "hold_seconds": _hold_of(cue), **at, **({"passes": passes} if passes else {})})
         passes = []
     if passes:
         raise SceneError(
             f"{passes[-1]['name']} is a Pass cue that nothing follows: place a Sit or Stop cue after it, or move it up "
             "in the list."
         )
-    if len(steps) == 1 and not several:
+    if len(steps) == 1 and not several and not times:
         return {"start": begins, **{name: part for name, part in steps[0].items() if name != "hold_seconds"}}
     return {"start": begins, "steps": steps}
 
@@ -82,6 +85,35 @@ def hold_seconds(context: bpy.types.Context) -> float | None:
     """
     ends = end_cues(context)
     return _hold_of(ends[0]) if len(ends) == 1 else None
+
+
+def _times_of(context: bpy.types.Context, ends: list[bpy.types.Object]) -> dict[str, float]:
+    """When cues are to be reached, seconds from the motion's first frame, by name; none of those that do not say.
+
+    Raises SceneError for frames that run backwards.
+    """
+    scene, begins = context.scene, context.scene.oncue.start_frame
+    times: dict[str, float] = {}
+    before: tuple[str, float] | None = None
+    for cue in ends:
+        frame = cue.get(AT_FRAME_KEY)
+        if frame is None:
+            continue
+        if not isinstance(frame, int | float) or isinstance(frame, bool) or not math.isfinite(frame):
+            raise SceneError(f"{cue.name} is to be reached on a frame that is no number: give it one, or none.")
+        if frame <= begins:
+            raise SceneError(
+                f"{cue.name} is to be reached on frame {frame:g}, and the motion begins on frame {begins}: give it a "
+                "later frame."
+            )
+        if before is not None and frame <= before[1]:
+            raise SceneError(
+                f"{cue.name} is to be reached on frame {frame:g}, and {before[0]} before it on frame {before[1]:g}: "
+                "give it a later frame, or change their order."
+            )
+        before = cue.name, frame
+        times[cue.name] = (frame - begins) / frame_rate(scene)
+    return times
 
 
 def _hold_of(cue: bpy.types.Object) -> float | None:

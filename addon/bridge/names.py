@@ -11,6 +11,8 @@ CUE_KEY = "oncue_cue"
 FIRST_FRAME_KEY, LAST_FRAME_KEY = "oncue_first_frame", "oncue_last_frame"
 #: On a sit or stop cue: the seconds that the person stays there; without it one.
 HOLD_KEY = "oncue_hold_seconds"
+#: On a sit or stop cue: the frame of the scene on which it is to be reached; without it that is when it comes to it.
+AT_FRAME_KEY = "oncue_at_frame"
 #: On a sit, stop or pass cue: its place in the order in which several are played, from 1; those without come last, by
 #: name.
 STEP_KEY = "oncue_step"

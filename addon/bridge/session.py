@@ -30,6 +30,7 @@ from ..pipeline import (
     hands_of,
     moments_of,
     passes_of,
+    times_of,
 )
 from ..scene_frames import CORE_RATE, in_scene_frames
 from . import armature, character_reset, compat, file_state, own_rig, own_seats, people, pins, rigify, root_motion
@@ -125,6 +126,12 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         notes = taken_as_it_stands(context, meshes)
     if manipulations and "steps" in task:
         names = ", ".join(hand["name"] for hand in manipulations)
+        if len(task["steps"]) == 1:
+            timed = cues_of(task)[0]["name"]
+            raise SceneError(
+                f"Hands follow their cues ({names}) on frames of their own, and {timed} has one too: take that off, or "
+                "hide the hand cues."
+            )
         raise SceneError(
             f"Hands follow their cues ({names}) with one Sit or Stop cue only, and there are {len(task['steps'])}: "
             "hide the hand cues, or all Sit and Stop cues but one."
@@ -250,7 +257,13 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
 
 
 def _one_cue(task: dict) -> dict:
-    """A task that cues can be followed for. Raises SceneError for several, and for waypoints."""
+    """A task that cues can be followed for. Raises SceneError for several, for times and for waypoints."""
+    if "steps" in task and len(task["steps"]) == 1:
+        timed = cues_of(task)[0]["name"]
+        raise SceneError(
+            f"Follow Cues plays no cue that is to be reached on a frame, as {timed} is: take that off, or press "
+            "Synthesize."
+        )
     if "steps" in task:
         raise SceneError(
             f"Follow Cues plays one Sit or Stop cue, and there are {len(task['steps'])}: hide all but one, or press "
@@ -820,6 +833,8 @@ def _are_same_cues(now: dict, before: dict) -> bool:
         return False
     holds = [[step.get("hold_seconds") for step in asked.get("steps", [])] for asked in (now, before)]
     places = [[[cue.get("position") for cue in passes] for passes in passes_of(asked)] for asked in (now, before)]
+    if times_of(now) != times_of(before):
+        return False
     if holds[0] != holds[1] or [len(part) for part in places[0]] != [len(part) for part in places[1]]:
         return False
     passed = zip(*([place for part in parts for place in part] for parts in places), strict=True)

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from ..bridge import cue_objects, hand_reader, people, seat_finder
+from ..bridge import cue_objects, hand_reader, people, seat_finder, session
 from ..bridge.names import CUE_KEY
 from ..bridge.shown_cues import person_of, played_cues, several_starts
 from ..errors import SceneError
@@ -153,6 +153,20 @@ class ONCUE_OT_select_cue(Button, bpy.types.Operator):
         cue_objects.select_cue(context, self.cue)
 
 
+class ONCUE_OT_be_here(Button, bpy.types.Operator):
+    """Have the person be here at a frame, or take that off: at first that on which it is now, else the current one"""
+
+    bl_idname = "oncue.be_here"
+    bl_label = "Be Here at Frame"
+    bl_options = {"REGISTER", "UNDO", "INTERNAL"}
+
+    cue: StringProperty(name="Cue", description="The Sit or Stop cue", options={"SKIP_SAVE"})
+
+    def act(self, context: bpy.types.Context) -> None:
+        met = session.frames_of_cues(context).get(self.cue)
+        cue_objects.be_here(context, self.cue, context.scene.frame_current if met is None else met)
+
+
 class ONCUE_OT_sit_on_selection(Button, bpy.types.Operator):
     """Place the Sit cue on the seat's selected face (edit mode) or on the active object, facing away from its back"""
 
@@ -235,7 +249,7 @@ It goes along with the selected object"""
 
 
 CLASSES = (
-    *(ONCUE_OT_move_step, ONCUE_OT_select_cue),
+    *(ONCUE_OT_move_step, ONCUE_OT_select_cue, ONCUE_OT_be_here),
     *(ONCUE_OT_add_person, ONCUE_OT_give_to_person, ONCUE_OT_choose_person, ONCUE_OT_act_by),
     *(ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_move_to_edge),
     *(ONCUE_OT_place_foot, ONCUE_OT_place_hand),

@@ -277,3 +277,96 @@ def test_a_cue_that_cannot_be_met_is_named_before_anything_is_made(room):
     with pytest.raises(RuntimeError, match="Aside"):
         bpy.ops.oncue.synthesize()
     assert datablocks() == before
+
+
+def test_frames_become_times_of_the_motion(oncue, objects, read, room):
+    session, scene = oncue("bridge.session"), bpy.context.scene
+    sit, stop = room
+    sit["oncue_at_frame"], stop["oncue_at_frame"] = 200, 320.0
+    assert [step["at_seconds"] for step in read()["steps"]] == pytest.approx([189 / 30, 309 / 30])
+    scene.render.fps = 24
+    assert read()["steps"][0]["at_seconds"] == pytest.approx(189 / 24)
+    # A body of another size has another clock.
+    assert oncue("body_size").scaled(read(), 0.25)["steps"][0]["at_seconds"] == pytest.approx(189 / 48)
+    said = oncue("body_size").sentence_in_scene("1.4 s after frame 20, 0.5 m off", 0.25)
+    assert said == "0.7 s after frame 20, 0.1 m off"
+    # A single cue at a time is a performance of one step, without one it is a task; Follow Cues plays none.
+    sit.hide_set(True)
+    bpy.context.view_layer.update()
+    (step,) = read()["steps"]
+    assert step["at_seconds"] == pytest.approx(309 / 24)
+    with pytest.raises(oncue("errors").SceneError, match=r"Follow Cues plays no cue .* on a frame, as Aside is"):
+        session.read_request(bpy.context, hands=False)
+    objects.place_hand(bpy.context, "left_hand", 30, 40, 1.0)
+    with pytest.raises(RuntimeError, match=r"Hands follow their cues \(Left Hand\).*and Aside has one too"):
+        bpy.ops.oncue.synthesize()
+    del stop["oncue_at_frame"]
+    assert "steps" not in read()
+
+
+def test_frames_that_cannot_be_are_refused(oncue, read, room):
+    sit, stop = room
+    error = oncue("errors").SceneError
+    sit["oncue_at_frame"] = 200
+    for frame in (200, 150):
+        stop["oncue_at_frame"] = frame
+        with pytest.raises(error, match=rf"Aside is to be reached on frame {frame}, and Sit before it on frame 200"):
+            read()
+    for wrong in ("soon", True, float("nan"), float("inf")):
+        stop["oncue_at_frame"] = wrong
+        with pytest.raises(error, match="Aside is to be reached on a frame that is no number"):
+            read()
+    for frame in (11, 5, -40):
+        sit["oncue_at_frame"] = frame
+        with pytest.raises(error, match=f"Sit is to be reached on frame {frame}, and the motion begins on frame 11"):
+            read()
+
+
+def test_the_button_has_the_person_be_there_on_the_frame(oncue, core, room):
+    session, panels, scene = oncue("bridge.session"), oncue("panels"), bpy.context.scene
+    sit, stop = room
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    free = session.frames_of_cues(bpy.context)
+    # It begins with the frame on which the cue is met anyway.
+    assert bpy.ops.oncue.be_here(cue="Aside") == {"FINISHED"}
+    assert stop["oncue_at_frame"] == free["Aside"]
+    assert not session.belongs_to_cues(bpy.context, session.report_of(current_action()))
+    stop["oncue_at_frame"] = free["Aside"] + 75
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    action = current_action()
+    report = session.report_of(action)
+    assert report["success"], report["problems"]
+    assert session.frames_of_cues(bpy.context) == {"Sit": free["Sit"], "Aside": free["Aside"] + 75}
+    assert {marker.name: marker.frame for marker in action.pose_markers}["Aside"] == free["Aside"] + 75
+    assert report["steps"][1]["waits_s"] == pytest.approx(2.5)
+    assert report["steps"][1]["late_s"] == pytest.approx(0.0, abs=0.02)
+    assert [line for line, _ in panels.result_lines(report)].count("    On time") == 1
+    # Where nobody can be so soon the motion is kept, and the scene's frames are told, after Re-solve too.
+    assert bpy.ops.oncue.be_here(cue="Sit") == {"FINISHED"}
+    sit["oncue_at_frame"] = free["Sit"] - 45
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    late, action = session.report_of(current_action()), current_action()
+    met = session.frames_of_cues(bpy.context)["Sit"]
+    assert free["Sit"] - 45 < met < free["Sit"]
+    said = f"‘Sit’ is reached on frame {met}, {(met - free['Sit'] + 45) / 30:.1f} s after frame {free['Sit'] - 45}"
+    assert not late["success"]
+    assert any(said in problem for problem in late["problems"])
+    scene.frame_set(40)
+    bone = scene.oncue.character.pose.bones["Head"]
+    bone.rotation_quaternion = bone.rotation_quaternion @ Quaternion((1, 0, 0), 0.1)
+    bone.keyframe_insert("rotation_quaternion")
+    assert bpy.ops.oncue.resolve() == {"FINISHED"}
+    again = session.report_of(action)
+    assert not again["success"]
+    assert any(said in problem for problem in again["problems"])
+    # Pressed again it takes the frame off.
+    assert bpy.ops.oncue.be_here(cue="Sit") == {"FINISHED"}
+    assert "oncue_at_frame" not in sit
+    with pytest.raises(RuntimeError, match="Nowhere"):
+        bpy.ops.oncue.be_here(cue="Nowhere")
+    # What nobody gets to in time, whatever they do, is refused before anything is made.
+    stop["oncue_at_frame"] = 20
+    before = datablocks()
+    with pytest.raises(RuntimeError, match=r"‘Aside’ cannot be reached by frame 20: .* before frame \d+"):
+        bpy.ops.oncue.synthesize()
+    assert datablocks() == before

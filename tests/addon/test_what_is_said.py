@@ -936,7 +936,7 @@ def test_every_operator_is_in_a_menu(oncue):
         shown |= set(layout.shown)
     #: What only its own row or a message offers.
     elsewhere = {"cancel", "remove_pin", "remove_library", "set_scene_scale", "clear_policies", "go_to_frame"}
-    elsewhere |= {"move_to_edge", "move_step", "select_cue", "name_bone", "play_take"}
+    elsewhere |= {"move_to_edge", "move_step", "select_cue", "be_here", "choose_person", "name_bone", "play_take"}
     assert shown == {f"oncue.{name}" for name in dir(bpy.ops.oncue)} - {f"oncue.{name}" for name in elsewhere}
     for place, draw in menus.PLACES:
         assert draw in getattr(bpy.types, place).draw._draw_funcs

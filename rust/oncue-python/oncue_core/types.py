@@ -63,13 +63,14 @@ class Step(TypedDict):
     """A cue of a performance, and what is done there.
 
     `hold_seconds`: how long the person stays; without it as long as it takes to go on, and at the end as the settings
-    say. `passes`: what the way to the cue leads through, in order. `manipulations`: in frames of this step's own
-    motion.
+    say. `at_seconds`: when the cue is to be met, seconds from the performance's first frame.
+    `passes`: what the way to the cue leads through, in order. `manipulations`: in frames of this step's own motion.
     """
 
     passes: NotRequired[list[PassCue]]
     cue: ActionCue
     hold_seconds: NotRequired[float | None]
+    at_seconds: NotRequired[float | None]
     manipulations: NotRequired[list[ManipulationCue]]
 
 
@@ -724,12 +725,18 @@ class Moments(TypedDict):
 
 
 class StepReport(Moments):
-    """What is told of one step of a performance. `first_frame`: that in which the step before has ended; `edited`: in
-    frames of the step's own. `waited`: frames in which the person stays, before setting out, for others to pass.
+    """What is told of one step of a performance. `first_frame`: that in which the step before has ended; `asked_frame`,
+    `late_s`: when the cue was to be met, and how much later it is; `waits_s`, `dawdles_s`: how long the person waits
+    before setting off, and how much longer the way takes than by itself; `waited`: frames in which the person stays,
+    before setting out, for others to pass; `edited`: in frames of the step's own.
     """
 
     cue: str
     first_frame: int
+    asked_frame: int | None
+    late_s: float | None
+    waits_s: float
+    dawdles_s: float
     edited: EditedFigures | None
     waited: NotRequired[int]
     policy_source: Literal["scratch", "prior", "kept"]

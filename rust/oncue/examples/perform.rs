@@ -45,11 +45,23 @@ fn main() -> Result<(), AnyError> {
                 let (position, yaw) = (row.task.start.position, row.task.start.yaw);
                 let name = format!("start {}", row.number);
                 let cue = ActionCue { name, action_type: ActionType::Stop, position, yaw, feet: [None; 2] };
-                steps.push(Step { cue, hold_seconds: None, passes: Vec::new(), manipulations: Vec::new() });
+                steps.push(Step {
+                    cue,
+                    hold_seconds: None,
+                    at_seconds: None,
+                    passes: Vec::new(),
+                    manipulations: Vec::new(),
+                });
             }
             let cue =
                 ActionCue { name: format!("{} {}", row.task.cue.name, row.number), ..row.task.cue.clone() };
-            steps.push(Step { cue, hold_seconds: Some(2.0), passes: Vec::new(), manipulations: Vec::new() });
+            steps.push(Step {
+                cue,
+                hold_seconds: Some(2.0),
+                at_seconds: None,
+                passes: Vec::new(),
+                manipulations: Vec::new(),
+            });
         }
         let performance = Performance { start: room[0].task.start.clone(), steps };
         let begun = Instant::now();

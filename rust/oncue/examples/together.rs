@@ -56,8 +56,13 @@ fn main() -> Result<(), AnyError> {
                     let mut start = row.task.start.clone();
                     start.name = format!("Start {}", row.number);
                     let cue = ActionCue { name: format!("Seat {}", row.number), ..row.task.cue.clone() };
-                    let step =
-                        Step { cue, hold_seconds: None, passes: Vec::new(), manipulations: Vec::new() };
+                    let step = Step {
+                        cue,
+                        hold_seconds: None,
+                        at_seconds: None,
+                        passes: Vec::new(),
+                        manipulations: Vec::new(),
+                    };
                     Performance { start, steps: vec![step] }
                 })
                 .collect();
@@ -94,7 +99,13 @@ fn hall(people: usize, settings: &Settings) -> Result<(SceneIndex, Vec<Performan
         };
         Performance {
             start: InitialState::standing(format!("Start {at}"), from.extend(0.0), yaw),
-            steps: vec![Step { cue, hold_seconds: None, passes: Vec::new(), manipulations: Vec::new() }],
+            steps: vec![Step {
+                cue,
+                hold_seconds: None,
+                at_seconds: None,
+                passes: Vec::new(),
+                manipulations: Vec::new(),
+            }],
         }
     });
     Ok((scene, crossing.collect()))

@@ -268,6 +268,9 @@ pub struct Step {
     /// How long the person stays there, seconds; without it, as long as it takes to go on, and at the end as the settings say.
     #[serde(default)]
     pub hold_seconds: Option<f32>,
+    /// When the cue is to be met, seconds from the performance's first frame; without it, when the person gets there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub at_seconds: Option<f32>,
     /// φ_M: what the hands do on the way there or once the cue is met, in frames of this step's own motion.
     #[serde(default)]
     pub manipulations: Vec<ManipulationCue>,

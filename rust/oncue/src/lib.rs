@@ -85,6 +85,7 @@ pub mod synthesize;
 mod synthesizer;
 #[cfg(test)]
 mod test_world;
+mod timing;
 pub mod together;
 
 pub use action::{ActionLabel, ActionType};

@@ -18,11 +18,11 @@ use crate::motion::{FRAME_RATE, Motion, Posture};
 use crate::progress::Progress;
 use crate::report::{Report, StepReport};
 use crate::scene::{SceneIndex, check_task};
-use crate::seats::Seats;
 use crate::settings::Settings;
 use crate::synthesize::{
     Around, Synthesis, liveliness, measure_performance, segments, synthesize_along, synthesize_among,
 };
+use crate::timing::{Timing, asked_frame, check_times, late_seconds, unpunctual};
 
 /// Who sits down and goes on stays at least so long, seconds: nobody gets up before having sat.
 const SHORTEST_SIT: f32 = 0.8;
@@ -32,21 +32,23 @@ const STEP_SEED: u64 = 1 << 40;
 /// A performance as it was made.
 #[derive(Debug, Clone)]
 pub struct Performed {
-    /// All of it, one motion.
+    /// All of it, one motion, each cue as near to its time as people manage.
     pub motion: Motion,
     /// What it is worth as a whole, and what went wrong; `steps` tells what was played, and is shorter than what was asked for where
     /// a step could not be.
     pub report: Report,
-    /// The motion of each step; each begins with the last frame of the one before.
+    /// Each step as it comes; each begins with the last frame of the one before.
     pub steps: Vec<PerformedStep>,
 }
 
 /// One step as it was made.
 #[derive(Debug, Clone)]
 pub struct PerformedStep {
-    /// All that it follows from, as a fingerprint.
+    /// All that it follows from, as a fingerprint; its time is none of that.
     key: blake3::Hash,
-    /// Its own motion, report and policy.
+    /// What it goes on from.
+    start: InitialState,
+    /// Its own motion, report and policy, as it comes: at no time that was asked for.
     pub made: Synthesis,
     /// Frames that the motion begins with in which the person stays, for others to pass.
     pub waited: usize,
@@ -116,9 +118,8 @@ pub(crate) fn perform_among(
                 let mut settings = settings.clone();
                 settings.synthesizer.hold_seconds = hold_seconds;
                 let Step { passes, cue, manipulations, .. } = step.clone();
-                let task = Task { start, passes, cue, manipulations };
-                let seed = seed.wrapping_add(STEP_SEED.wrapping_mul(at as u64));
-                let means = Means { settings: &settings, seed, ..*means };
+                let task = Task { start: start.clone(), passes, cue, manipulations };
+                let means = Means { settings: &settings, seed: step_seed(seed, at), ..*means };
                 let made = if others.is_empty() {
                     means.alone(scene, &task).map(|made| (made, 0))
                 } else {
@@ -139,16 +140,17 @@ pub(crate) fn perform_among(
             stopped = Some(made.not_done.join(" "));
             break;
         }
-        start = end_of(&made.motion, &step.cue, performance.start.position.z);
+        let next = end_of(&made.motion, &step.cue, performance.start.position.z);
         begins += made.motion.len() - usize::from(begins > 0);
         let ended = made.end == EpisodeEnd::Complete;
-        steps.push(PerformedStep { key, made, waited });
+        steps.push(PerformedStep { key, start: std::mem::replace(&mut start, next), made, waited });
         if !ended {
             break;
         }
     }
-    progress.stage("Measuring");
-    Ok(joined(scene, database, performance, steps, stopped, settings))
+    let floor = performance.start.position.z;
+    let timing = Timing { scene, database, settings, floor, progress };
+    joined(&timing, performance, steps, stopped, seed)
 }
 
 /// Of who waits for others to pass, seeds of what moves meanwhile are so far from those of what moves later.
@@ -225,7 +227,6 @@ impl Means<'_> {
 
     /// Has a motion begin so many frames later.
     fn wait_before(&self, made: &mut Synthesis, frames: usize, task: &Task, company: &Company) -> Result<()> {
-        let seat = task.start.seat();
         let rest = |size: f32| {
             let asked = Pause {
                 frames,
@@ -233,10 +234,7 @@ impl Means<'_> {
                 size,
                 seed: self.seed.wrapping_add(WAIT_SEED),
                 floor: task.start.position.z,
-                around: seat.map_or_else(
-                    || Surroundings::with(self.scene, Seats::default()),
-                    |seat| Surroundings::at_end(self.scene, seat),
-                ),
+                around: Surroundings::at_start(self.scene, &task.start),
             };
             pause(&made.motion, &asked, self.progress)
         };
@@ -255,7 +253,8 @@ impl Means<'_> {
     }
 }
 
-/// What can be known of a performance before anything is played: whether each cue can be met from where the one before is met.
+/// What can be known of a performance before anything is played: whether each cue can be met from where the one before is met, and at
+/// its time.
 ///
 /// # Errors
 /// `Input` or `Unreachable`, naming the cue.
@@ -283,7 +282,12 @@ pub fn check_performance(scene: &SceneIndex, performance: &Performance) -> Resul
         posture.root_position.z += floor;
         start = continuing(&step.cue, [posture; 2], [1.0; 2], floor);
     }
-    Ok(())
+    check_times(performance)
+}
+
+/// The seed of a performance's step.
+fn step_seed(seed: u64, at: usize) -> u64 {
+    seed.wrapping_add(STEP_SEED.wrapping_mul(at as u64))
 }
 
 /// How long the person stays where a step ends.
@@ -322,38 +326,45 @@ fn first_key(means: &Means, performance: &Performance, others: &[Other]) -> blak
 }
 
 fn next_key(before: blake3::Hash, step: &Step, hold_seconds: f32) -> blake3::Hash {
+    // Whenever it is asked for, it is played the same.
+    let step = Step { at_seconds: None, ..step.clone() };
     let step = serde_json::to_vec(&(step, hold_seconds)).unwrap_or_default();
     blake3::hash(&[before.as_bytes(), step.as_slice()].concat())
 }
 
-/// The motions of all steps as one, and what is told of it.
+/// The motions of all steps as one, each at its time, and what is told of it.
 fn joined(
-    scene: &SceneIndex,
-    database: &MotionDatabase,
+    timing: &Timing,
     performance: &Performance,
     steps: Vec<PerformedStep>,
     stopped: Option<String>,
-    settings: &Settings,
-) -> Performed {
+    seed: u64,
+) -> Result<Performed> {
+    let Timing { scene, database, settings, progress, .. } = *timing;
     let mut motion = Motion::default();
     let (mut told, mut spans, mut moments) = (Vec::new(), Vec::new(), Vec::new());
-    for (PerformedStep { made, waited, .. }, step) in steps.iter().zip(&performance.steps) {
+    for (at, (PerformedStep { start, made, waited, .. }, step)) in
+        steps.iter().zip(&performance.steps).enumerate()
+    {
         let first_frame = motion.len().saturating_sub(1);
+        let timed = timing.timed(made, step, start, first_frame, step_seed(seed, at))?;
         // Its first frame is the last of the one before.
         let own = usize::from(!motion.is_empty());
-        motion.postures.extend(&made.motion.postures[own..]);
-        motion.contacts.extend(&made.motion.contacts[own..]);
-        let when = made.moments.each(|frame| first_frame + frame);
+        motion.postures.extend(&timed.motion.postures[own..]);
+        motion.contacts.extend(&timed.motion.contacts[own..]);
+        let when = timed.moments.each(|frame| first_frame + frame);
         let sits = step.cue.is_seated() && made.end == EpisodeEnd::Complete;
-        spans.extend(segments(first_frame + waited, motion.len(), &when, sits));
+        spans.extend(segments(first_frame + waited + timed.waits, motion.len(), &when, sits));
         moments.push(when);
         let Report { edited, policy_source, updates, path_m, shortest_path_m, .. } = made.report.clone();
-        let cue = step.cue.name.clone();
-        let (moments, edited) = (when, edited);
         told.push(StepReport {
-            cue,
+            cue: step.cue.name.clone(),
             first_frame,
-            moments,
+            moments: when,
+            asked_frame: asked_frame(step),
+            late_s: late_seconds(step, &when),
+            waits_s: timed.waits as f32 / FRAME_RATE,
+            dawdles_s: timed.dawdles as f32 / FRAME_RATE,
             edited,
             waited: *waited,
             policy_source,
@@ -362,10 +373,12 @@ fn joined(
             shortest_path_m,
         });
     }
+    progress.stage("Measuring");
     let around = Around { scene: Some(scene), moving: &[], wait: 0, database: Some(database) };
     let measured = measure_performance(&motion, &around, performance, &moments, settings);
     let mut problems: Vec<String> = steps.iter().flat_map(|step| step.made.not_done.clone()).collect();
     problems.extend(stopped.into_iter().chain(unplayed(performance, steps.len())));
+    problems.extend(unpunctual(performance, &moments));
     problems.extend(measured.body.problems(&settings.report));
 
     let all = || steps.iter().map(|step| &step.made.report);
@@ -403,7 +416,7 @@ fn joined(
         settings: Settings { scene: scene.settings().clone(), ..settings.clone() },
         ..first.clone()
     };
-    Performed { motion, report, steps }
+    Ok(Performed { motion, report, steps })
 }
 
 /// What is said where a performance ends after so many steps, and not all are played.

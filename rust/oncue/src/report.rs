@@ -37,7 +37,19 @@ pub struct StepReport {
     /// When what happens.
     #[serde(flatten)]
     pub moments: Moments,
-    /// What the editor did, in frames of the step's own.
+    /// The frame on which the cue was to be met; none where no time was asked for.
+    #[serde(default)]
+    pub asked_frame: Option<usize>,
+    /// How much later it is met, seconds; negative where it is sooner.
+    #[serde(default)]
+    pub late_s: Option<f32>,
+    /// How long the person waits where the step before has ended, so as not to be there too soon, seconds.
+    #[serde(default)]
+    pub waits_s: f32,
+    /// How much longer the way there takes than it would by itself, seconds; negative where the person hurries.
+    #[serde(default)]
+    pub dawdles_s: f32,
+    /// What the editor did, in frames of the step's own, as it was before it was given another pace.
     pub edited: Option<TaskEditFigures>,
     /// Frames that the person stays, before setting out, for others to pass.
     #[serde(default, skip_serializing_if = "is_none")]

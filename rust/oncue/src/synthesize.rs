@@ -31,6 +31,7 @@ use crate::scene::{MovingObject, SceneIndex, check_task, short_of_knee_room};
 use crate::seats::Seats;
 use crate::settings::Settings;
 use crate::synthesizer::unhurried;
+use crate::timing::unpunctual;
 
 /// How much more moves in the liveliest, as a part of the usual, and less in the calmest.
 const LIVELIER: f32 = 0.6;
@@ -74,7 +75,7 @@ pub fn synthesize(
     synthesize_along(shipped_manifold(), scene, None, database, task, stored, settings, seed, progress)
 }
 
-/// How much moves in who rests.
+/// How much moves in who rests, 1 as usual.
 pub(crate) fn liveliness(settings: &Settings) -> f32 {
     settings.synthesizer.life * (1.0 + LIVELIER * settings.kept.liveliness)
 }
@@ -307,7 +308,9 @@ pub fn measure_performance(
         .flat_map(|((step, m), first)| residuals(motion, &step.passes, &step.cue, first, m.complete))
         .collect();
     let (floor, seats) = (performance.start.position.z, performance.seats(moments));
-    measure_cues(motion, around, floor, seats, cues, settings)
+    let mut measured = measure_cues(motion, around, floor, seats, cues, settings);
+    measured.problems.extend(unpunctual(performance, moments));
+    measured
 }
 
 /// How the waypoints on the way to a cue are passed from frame `first` on, and how it is met on frame `complete`.

@@ -117,6 +117,15 @@ pub fn check_together(scene: &SceneIndex, performances: &[Performance]) -> Resul
         return Err(Error::input("There is nobody to perform; add a start."));
     }
     for performance in performances {
+        // Others are waited for and walked around on the way that is played, which a time would change.
+        if let Some(timed) =
+            performance.steps.iter().find(|s| performances.len() > 1 && s.at_seconds.is_some())
+        {
+            return Err(Error::input(format!(
+                "{}: ‘{}’ is asked for at a time, which is for one person alone; take its time away, or hide the other starts.",
+                performance.start.name, timed.cue.name
+            )));
+        }
         check_performance(scene, performance).map_err(|error| of(performance, performances.len(), error))?;
     }
     for (at, one) in performances.iter().enumerate() {

@@ -150,6 +150,7 @@ fn performance() -> Performance {
         passes,
         cue,
         hold_seconds,
+        at_seconds: None,
         manipulations: Vec::new(),
     };
     Performance {

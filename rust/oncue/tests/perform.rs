@@ -9,6 +9,7 @@ use oncue::MotionDatabase;
 use oncue::editor::shipped_manifold;
 use oncue::library::starter;
 use oncue::motion::Joint;
+use oncue::perform::check_performance;
 use oncue::scene::SceneIndex;
 use oncue::{
     ActionCue, ActionType, Error, Hand, InitialState, ManipulationCue, Motion, Performance, Performed,
@@ -48,7 +49,7 @@ fn step(
     hold_seconds: Option<f32>,
 ) -> Step {
     let cue = ActionCue { name: name.into(), action_type, position: position.into(), yaw, feet: [None; 2] };
-    Step { cue, hold_seconds, passes: Vec::new(), manipulations: Vec::new() }
+    Step { cue, hold_seconds, at_seconds: None, passes: Vec::new(), manipulations: Vec::new() }
 }
 
 /// Sits down on the bench, gets up, stops beside the table, and sits down again.
@@ -218,4 +219,152 @@ fn what_can_be_known_is_said_before_anything_is_played() {
     assert!(said(&|p| p.steps[1].cue.position = Vec3::new(0.0, 0.0, 0.0)).contains("‘Beside’ stands inside"));
     assert!(said(&|p| p.steps[1].hold_seconds = Some(-2.0)).contains("-2 seconds at cue ‘Beside’"));
     assert!(said(&|p| p.steps[0].hold_seconds = Some(f32::NAN)).contains("at cue ‘Left’"));
+}
+
+/// The performance with its cues to be met so many seconds later than they are by themselves.
+fn later(times: &[(usize, f32)]) -> Performance {
+    let mut timed = performance();
+    for (step, seconds) in times {
+        let met = played().report.steps[*step].moments.complete as f32 / 30.0;
+        timed.steps[*step].at_seconds = Some(met + seconds);
+    }
+    timed
+}
+
+fn in_time(times: &[(usize, f32)]) -> Performed {
+    play(&later(times), Some(played())).expect("a performance")
+}
+
+/// Farthest that a planted foot gets in a frame, metres.
+fn slides(motion: &Motion) -> f32 {
+    let frames = (1..motion.len()).flat_map(|frame| [0, 1].map(|side| (frame, side)));
+    let stands = |frame: usize, side: usize| motion.contacts[frame][side] >= 1.0;
+    let planted = frames.filter(|&(frame, side)| stands(frame, side) && stands(frame - 1, side));
+    let place = |frame: usize, side: usize| motion.postures[frame].pose().position(Joint::TOES[side]);
+    planted.map(|(frame, side)| place(frame, side).distance(place(frame - 1, side))).fold(0.0, f32::max)
+}
+
+#[test]
+fn a_cue_is_met_at_its_time_by_who_hurries_dawdles_or_waits() {
+    let free = played();
+    let usual = slides(&free.motion);
+    for seconds in [-0.4, 0.0, 0.2, 1.0, 3.0, 7.3] {
+        for step in 0..3 {
+            let made = in_time(&[(step, seconds)]);
+            let (report, told) = (&made.report, &made.report.steps[step]);
+            assert!(report.success, "{seconds} at {step}: {:?}", report.problems);
+            let late = told.late_s.expect("a time");
+            assert!(late.abs() <= 0.017, "{seconds} at {step}: {late}");
+            assert_eq!(told.moments.complete, told.asked_frame.expect("a time"));
+            // Who has little time left over walks slower, who has much waits, and nobody does both.
+            assert!(told.waits_s == 0.0 || told.dawdles_s == 0.0, "{told:?}");
+            assert!(if seconds < 0.3 { told.waits_s == 0.0 } else { seconds < 2.0 || told.dawdles_s == 0.0 });
+            assert!((told.waits_s + told.dawdles_s - seconds).abs() < 0.018, "{told:?}");
+            // All cues are met as they were, and what follows is the same, later.
+            for (cue, before) in report.cues.iter().zip(&free.report.cues) {
+                assert!((cue.pelvis_cm - before.pelvis_cm).abs() < 1e-3 && cue.met);
+            }
+            let [begins, end] =
+                [&free.report.steps[step].first_frame, &free.report.steps[step].moments.complete];
+            assert!(made.motion.postures[..*begins] == free.motion.postures[..*begins]);
+            assert!(made.motion.postures[told.moments.complete..] == free.motion.postures[*end..]);
+            // Feet stand, joints turn no faster than the library's, and nobody jumps.
+            assert!(slides(&made.motion) < usual + 2e-4, "{} {usual}", slides(&made.motion));
+            assert!(report.speed.joint_ratio <= 1.25, "{:?}", report.speed);
+            for frame in 1..made.motion.len() {
+                let [before, now] = [frame - 1, frame].map(|frame| places(&made.motion, frame));
+                let most = before.iter().zip(&now).map(|(a, b)| a.distance(*b)).fold(0.0, f32::max);
+                assert!(most < 0.2, "{most} m at {frame}");
+            }
+        }
+    }
+}
+
+#[test]
+fn where_a_wait_begins_and_ends_no_seam_is_seen() {
+    let usual = database().accelerations;
+    for step in 0..3 {
+        let made = in_time(&[(step, 4.0)]);
+        let told = &made.report.steps[step];
+        let sets_off = told.first_frame + (told.waits_s * 30.0).round() as usize;
+        assert!(told.waits_s > 3.9);
+        for frame in
+            [told.first_frame, sets_off].into_iter().flat_map(|at| at.saturating_sub(2).max(1)..at + 4)
+        {
+            let [a, b, c] = [frame - 1, frame, frame + 1].map(|frame| places(&made.motion, frame));
+            for joint in 0..a.len() {
+                let ratio = (a[joint] - 2.0 * b[joint] + c[joint]).length() * 900.0 / usual[joint].max(1.0);
+                assert!(ratio < 1.0, "{:?} at {frame} of {sets_off}: {ratio}", Joint::ALL[joint]);
+            }
+        }
+        // Meanwhile the person lives, on feet that stay.
+        let moved = |joint: Joint| {
+            let place = |frame: usize| made.motion.postures[frame].pose().position(joint);
+            let first = place(told.first_frame);
+            (told.first_frame..=sets_off).map(|frame| place(frame).distance(first)).fold(0.0, f32::max)
+        };
+        assert!(moved(Joint::Head) > 0.003 && Joint::TOES.iter().all(|toe| moved(*toe) < 0.003));
+    }
+}
+
+#[test]
+fn a_time_changes_nothing_but_when() {
+    let several = later(&[(0, 2.0), (1, 2.5), (2, 8.0)]);
+    let made = play(&several, Some(played())).expect("a performance");
+    assert!(made.report.success, "{:?}", made.report.problems);
+    assert!(made.motion == play(&several, None).expect("a performance").motion);
+    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    assert!(made.motion == one.install(|| play(&several, Some(played()))).expect("a performance").motion);
+    // Without times it is what it was.
+    assert!(play(&performance(), Some(&made)).expect("a performance").motion == played().motion);
+    // Another time for the last cue leaves all before it.
+    let again = play(&later(&[(0, 2.0), (1, 2.5), (2, 9.0)]), Some(&made)).expect("a performance");
+    let seam = made.report.steps[2].first_frame;
+    assert!(again.motion.postures[..=seam] == made.motion.postures[..=seam]);
+    assert_eq!(again.report.steps[2].moments.complete, made.report.steps[2].moments.complete + 30);
+}
+
+#[test]
+fn who_cannot_be_there_in_time_hurries_and_it_is_told() {
+    let free = &played().report.steps[0];
+    let made = in_time(&[(0, -3.0)]);
+    let told = &made.report.steps[0];
+    let (met, asked) = (told.moments.complete, told.asked_frame.expect("a time"));
+    assert!(met < free.moments.complete && met > asked + 1, "{met} {asked}");
+    assert!((told.late_s.expect("a time") - (met - asked) as f32 / 30.0).abs() < 0.02);
+    assert!(made.report.cues.iter().all(|cue| cue.met) && !made.report.success);
+    let late = (met - asked) as f32 / 30.0;
+    let said = format!("‘Left’ is reached on frame {met}, {late:.1} s after frame {asked}");
+    assert!(made.report.problems.iter().any(|problem| problem.contains(&said)), "{:?}", made.report.problems);
+    // Nobody walks faster than people do.
+    let root = |frame: usize| made.motion.postures[frame].root_position.truncate();
+    let stride = (0..met - 30).map(|frame| root(frame).distance(root(frame + 30)));
+    assert!(stride.fold(0.0, f32::max) < 1.6);
+}
+
+#[test]
+fn times_that_cannot_be_kept_are_named_before_anything_is_played() {
+    let said = |times: &[(usize, f32)]| {
+        let mut timed = performance();
+        times.iter().for_each(|(step, at)| timed.steps[*step].at_seconds = Some(*at));
+        check_performance(&room(), &timed).map_or_else(|error| error.to_string(), |()| String::new())
+    };
+    assert_eq!(said(&[(0, 9.0), (2, 30.0)]), "");
+    let backwards = said(&[(0, 9.0), (2, 8.0)]);
+    assert!(backwards.contains("‘Right’ is asked for on frame 240, no later than ‘Left’"), "{backwards}");
+    assert!(said(&[(0, 0.0)]).contains("‘Left’ is asked for on frame 0, no later than ‘Start’"));
+    for wrong in [-1.0, f32::NAN, f32::INFINITY, 4000.0] {
+        assert!(said(&[(0, wrong)]).contains("‘Left’ is asked for after"), "{wrong}");
+    }
+    // Four metres and the stay of a second are not gone in two seconds.
+    let soon = said(&[(0, 9.0), (1, 11.0)]);
+    assert!(soon.contains("‘Beside’ cannot be reached by frame 330") && soon.contains("‘Left’"), "{soon}");
+    let mut hands = performance();
+    hands.steps[2].at_seconds = Some(60.0);
+    let path = vec![Vec3::ZERO];
+    hands.steps[2].manipulations =
+        vec![ManipulationCue { name: "Rail".into(), hand: Hand::Left, path, first_frame: None }];
+    let refused =
+        check_performance(&room(), &hands).map_or_else(|error| error.to_string(), |()| String::new());
+    assert!(refused.contains("‘Right’ is asked for at a time, and hands follow ‘Rail’"), "{refused}");
 }

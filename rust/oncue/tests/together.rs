@@ -61,7 +61,7 @@ fn database() -> &'static MotionDatabase {
 
 fn step(name: &str, action_type: ActionType, position: [f32; 3], yaw: f32) -> Step {
     let cue = ActionCue { name: name.into(), action_type, position: position.into(), yaw, feet: [None; 2] };
-    Step { cue, hold_seconds: None, passes: Vec::new(), manipulations: Vec::new() }
+    Step { cue, hold_seconds: None, at_seconds: None, passes: Vec::new(), manipulations: Vec::new() }
 }
 
 /// Who stands at a place facing the next and goes there.
@@ -308,8 +308,13 @@ fn two_play_in_a_real_room(rooms: &Path) {
         .into_iter()
         .map(|row| {
             let start = InitialState { name: format!("Start {}", row.number), ..row.task.start };
-            let step =
-                Step { cue: row.task.cue, hold_seconds: None, passes: Vec::new(), manipulations: Vec::new() };
+            let step = Step {
+                cue: row.task.cue,
+                hold_seconds: None,
+                at_seconds: None,
+                passes: Vec::new(),
+                manipulations: Vec::new(),
+            };
             Performance { start, steps: vec![step] }
         })
         .collect();

@@ -31,7 +31,7 @@ pub use crate::anatomy::{BodyPart, LimitedTurn, body_capsules};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::cue::{ActionCue, Moments, Task};
+use crate::cue::{ActionCue, InitialState, Moments, Task};
 use crate::library::MotionLibrary;
 use crate::motion::{Motion, Pose, Posture};
 use crate::scene::{SEAT_GIVE, SceneIndex};
@@ -73,6 +73,11 @@ impl<'a> Surroundings<'a> {
     /// Those of who has met `cue`.
     pub(crate) fn at_end(scene: &'a SceneIndex, cue: &ActionCue) -> Self {
         Self::with(scene, cue.seat_height().map_or_else(Seats::default, |height| Seats::taken(0, height)))
+    }
+
+    /// Those of who is about to set off from `start`.
+    pub(crate) fn at_start(scene: &'a SceneIndex, start: &InitialState) -> Self {
+        start.seat().map_or_else(|| Self::with(scene, Seats::default()), |seat| Self::at_end(scene, seat))
     }
 
     /// What is higher than a rug counts, whatever the paper leaves out of its penetration: a foot in a plinth of 7 cm is seen.

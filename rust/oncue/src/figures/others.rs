@@ -340,3 +340,106 @@ pub(crate) fn others_figures(people: &[Other]) -> Vec<OthersFigures> {
     };
     (0..people.len()).map(of).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::Planar;
+    use crate::test_world::{PACE, STANDS, close, person};
+    use glam::Vec2;
+
+    fn at(x: f32, y: f32, yaw: f32) -> crate::motion::Posture {
+        person(Planar::new(Vec2::new(x, y), yaw), STANDS, 0.0)
+    }
+
+    fn motion(postures: Vec<crate::motion::Posture>) -> Motion {
+        Motion { contacts: vec![[1.0; 2]; postures.len()], postures }
+    }
+
+    /// Who glides along -Y from the origin, 3 m in 75 frames.
+    fn ahead() -> Motion {
+        motion((0..=75).map(|frame| at(0.0, -PACE * frame as f32, 0.0)).collect())
+    }
+
+    /// Who comes along X from x = -2.4 on over the same way at y = -1.6, and goes on to 2.4.
+    fn across() -> Motion {
+        motion((0..=120).map(|frame| at(PACE * frame as f32 - 2.4, -1.6, 1.57)).collect())
+    }
+
+    fn company(others: &[Other]) -> Company<'_> {
+        Company { others, begins: 0, stays: true, most_wait: 300 }
+    }
+
+    #[test]
+    fn who_crosses_is_let_pass_with_room_between() {
+        let others = [Other::moving("Across", &across())];
+        // Without a wait: at y = -1.6 on frame 40, when the other is 0.8 m short of the way; the other comes into the back.
+        let wait = company(&others).wait(&ahead()).expect("a wait");
+        assert_eq!(wait % WAIT_STEP, 0);
+        let (own, theirs) = (ahead(), across());
+        let gap = |wait: usize| {
+            let pose = |motion: &Motion, frame: usize| motion.postures[frame.min(motion.len() - 1)].pose();
+            let body = |motion: &Motion, frame: usize| Body::of(&pose(motion, frame));
+            let near = |frame: usize| {
+                let (one, other) = (body(&own, frame.saturating_sub(wait)), body(&theirs, frame));
+                let pairs = one.capsules.iter().flat_map(|a| other.capsules.iter().map(move |b| (a, b)));
+                pairs.map(|(a, b)| -a.1.depth_in(&b.1)).fold(f32::INFINITY, f32::min)
+            };
+            (0..200).map(near).fold(f32::INFINITY, f32::min)
+        };
+        assert!(gap(wait) >= BERTH - 1e-4, "{wait}: {}", gap(wait));
+        assert!(wait == 0 || gap(wait - WAIT_STEP) < BERTH, "{wait}");
+        // Who begins later than all have gone by meets nobody.
+        let late = Company { begins: 200, ..company(&others) };
+        assert_eq!(late.wait(&ahead()), Some(0));
+        // Somebody who waits in the way is run into, however long.
+        let stands = [Other::standing("Stays", Vec3::new(0.0, -2.0, 0.0), usize::MAX)];
+        assert_eq!(company(&stands).wait(&ahead()), None);
+        assert!(company(&stands).objections(&ahead()) >= MEETS);
+        // Until they set out.
+        let leaves = [Other::standing("Leaves", Vec3::new(0.0, -2.0, 0.0), 90)];
+        let wait = company(&leaves).wait(&ahead()).expect("a wait");
+        assert!((40..=90).contains(&wait), "{wait}");
+        close(company(&leaves).objections(&ahead()), WAITS * wait as f32 / FRAME_RATE, 1e-5);
+    }
+
+    #[test]
+    fn where_one_stays_somebody_may_come_later() {
+        // The other comes to the end of the way long after the motion has ended there.
+        let comes = motion((0..=300).map(|frame| at(0.02 * frame as f32 - 6.0, -3.0, 1.57)).collect());
+        let others = [Other::moving("Comes", &comes)];
+        assert_eq!(company(&others).wait(&ahead()), None);
+        let goes_on = Company { stays: false, ..company(&others) };
+        assert_eq!(goes_on.wait(&ahead()), Some(0));
+    }
+
+    #[test]
+    fn figures_are_of_both_and_name_the_other() {
+        let people =
+            [Other::moving("Ahead", &ahead()), Other::moving("Stands", &motion(vec![at(0.1, -1.6, 0.0)]))];
+        let [own, theirs] = &others_figures(&people)[..] else { panic!("two people") };
+        assert!(own.percent > 10.0 && own.percent < 40.0, "{own:?}");
+        close(own.percent, theirs.percent, 1e-4);
+        close(own.deepest_cm, theirs.deepest_cm, 1e-3);
+        let (one, other) = (&own.touches[0], &theirs.touches[0]);
+        assert_eq!((one.person.as_str(), other.person.as_str()), ("Stands", "Ahead"));
+        assert_eq!([one.parts[0], one.parts[1]], [other.parts[1], other.parts[0]]);
+        assert!((one.first..one.end).contains(&one.frame) && one.first > 25 && one.end < 56, "{one:?}");
+        let said = own.problems();
+        assert!(said[0].contains("of ‘Stands’ (frames ") && said.len() <= 4, "{said:?}");
+        assert!(others_figures(&people[..1])[0].touches.is_empty());
+    }
+
+    #[test]
+    fn a_body_is_a_solid_of_its_own_size() {
+        let body = Body::of(&at(0.0, 0.0, 0.0).pose());
+        let mut solid = Vec::new();
+        body.solid(&mut solid);
+        assert_eq!(solid.len(), body.capsules.len() * 4 * SIDES);
+        let (low, high) = solid
+            .iter()
+            .flatten()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(lo, hi), &v| (lo.min(v), hi.max(v)));
+        assert!(low.distance(body.bounds.0) < 0.03 && high.distance(body.bounds.1) < 0.03, "{low} {high}");
+    }
+}

@@ -64,6 +64,11 @@ pub(super) fn settle_trunk(motion: &mut Motion, hold: &Hold, wanted: bool) -> bo
     carried
 }
 
+/// Whether who sits leans back already, farther than who is not carried does.
+pub(super) fn leans_already(motion: &Motion, hold: &Hold) -> bool {
+    hold.around.seats.at_end().is_some() && leans_back(&motion.postures[hold.from]) > FREELY + LEAST
+}
+
 /// How far the trunk leans back, radians: the line from the lowest joint of the spine to the neck, against the vertical.
 fn leans_back(posture: &Posture) -> f32 {
     let pose = posture.pose();

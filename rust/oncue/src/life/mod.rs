@@ -28,7 +28,7 @@ use crate::motion::skeleton::{ARMS, BODY_BOXES, JOINT_OFFSET, LEG_LENGTH, Limb, 
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
 use crate::progress::Progress;
 use armrest::lay_aside;
-use backrest::settle_trunk;
+use backrest::{leans_already, settle_trunk};
 use limb::reach;
 pub(crate) use pause::{Pause, pause};
 use score::{Moment, Score};
@@ -132,7 +132,10 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
     let seconds = frames as f32 / FRAME_RATE;
     let score = Score::new(seconds, hold.size, hold.seed, &mut Pcg64::seed_from_u64(hold.seed ^ 0x11FE_0000));
     // Nobody settles who is about to go.
-    let leans_back = !hold.goes_on && settle_trunk(motion, hold, score.leans_back());
+    let leans_back = match hold.goes_on {
+        true => leans_already(motion, hold),
+        false => settle_trunk(motion, hold, score.leans_back()),
+    };
     let armrests = score.armrests();
     let aside = [0, 1].map(|side| !hold.goes_on && armrests[side] && lay_aside(motion, hold, side));
     let body = Body { leans_back, aside, ..Body::new(motion, hold) };

@@ -227,6 +227,31 @@ proptest! {
 }
 
 #[test]
+fn a_scene_with_more_in_it_is_that_scene_with_its_floor() {
+    let room = Mesh::default()
+        .floor(Vec2::splat(-2.0), Vec2::splat(2.0), 0.0)
+        .solid([-1.5, 1.0, 0.0], [1.5, 1.5, 0.45])
+        .solid([1.9, -2.0, 0.0], [2.0, 2.0, 2.0]);
+    let more = Mesh::default().solid([-0.3, -0.3, 0.0], [0.3, 0.3, 1.7]);
+    let solids: Vec<[Vec3; 3]> =
+        more.triangles.iter().map(|triangle| triangle.map(|i| more.positions[i as usize])).collect();
+    let (alone, both) =
+        (room.build().expect("a room"), room.clone().solid([-0.3, -0.3, 0.0], [0.3, 0.3, 1.7]));
+    let (with, both) =
+        (alone.with(&solids, &Progress::new()).expect("not cancelled"), both.build().expect("a room"));
+    assert_eq!((with.triangle_count(), with.floor_height()), (both.triangle_count(), both.floor_height()));
+    assert_eq!(with.bounds(), both.bounds());
+    assert!(with.fingerprint() != alone.fingerprint());
+    let (grid, other) = (with.occupancy(), both.occupancy());
+    assert_eq!((grid.raster, grid.walkable_cells()), (other.raster, other.walkable_cells()));
+    assert_eq!(grid.raster, alone.occupancy().raster);
+    assert!(alone.occupancy().is_walkable(Vec2::ZERO) && !grid.is_walkable(Vec2::new(0.3, 0.0)));
+    let ray = |scene: &SceneIndex| scene.ray(Vec3::new(-1.0, 0.0, 1.0), Vec3::X, 3.0);
+    assert_eq!(ray(&with), ray(&both));
+    assert!(ray(&with) < ray(&alone));
+}
+
+#[test]
 fn a_surface_is_crossed_once_wherever_it_is_cut() {
     // A box whose upright edges pass exactly through the diagonal, a corner and the inner edges of a cut-up square.
     let mut mesh = Mesh::default();

@@ -26,7 +26,7 @@ use alignment::Alignment;
 use feet::Foot;
 use inertia::{Glide, Inertia};
 
-pub(crate) use pace::unhurried;
+pub(crate) use pace::{FASTEST_WALK, Leeway, unhurried};
 
 /// Seconds of one frame.
 pub(crate) const FRAME_TIME: f32 = 1.0 / FRAME_RATE;

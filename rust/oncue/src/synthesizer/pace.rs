@@ -1,9 +1,11 @@
 //! The pace of a finished motion: where a joint would turn faster than the library's own ever do, or the whole person faster
-//! than people turn, all of it goes slower for a moment, along the same way. Nothing comes to stand elsewhere, and nothing that was clear of the scene is not.
+//! than people turn, all of it goes slower for a moment, along the same way; and who is to be somewhere at a time hurries, or takes
+//! their time. Nothing comes to stand elsewhere, and nothing that was clear of the scene is not.
 
 use super::feet::{CHAIN, bend_leg};
 use crate::library::database::TurnLimits;
-use crate::math::rotation::{wrap_angle, yaw};
+use crate::math::curve::{smoothstep, softened, widened};
+use crate::math::rotation::{angle_between, wrap_angle, yaw};
 use crate::motion::skeleton::JOINT_OFFSET;
 use crate::motion::{FRAME_RATE, JOINT_COUNT, Motion, Posture};
 
@@ -23,6 +25,21 @@ const MOST_CORRECTED: f32 = 2.0;
 const EASE: usize = 5;
 /// Of a frame: nearer than this to one of the motion's it is that one.
 const SAME: f32 = 1e-3;
+
+/// Who hurries walks so many times as fast, and does all else so many times as fast; who takes their time walks so many times as fast.
+const HURRIED: (f32, f32) = (1.25, 1.2);
+const LEISURELY: f32 = 0.8;
+/// Who hurries turns no joint more than so many times as fast as the library's people at their own pace at the most.
+const HURRIED_TURNS: f32 = 1.25;
+/// Nobody is made to walk faster than this over a stride, nor slower than that, m/s.
+pub(crate) const FASTEST_WALK: f32 = 1.6;
+const SLOWEST_WALK: f32 = 0.6;
+/// Who is faster than this sets off, and walks from that on, m/s.
+const SETS_OFF: (f32, f32) = (0.2, 0.5);
+/// Frames to either side over which a walk's speed is told: half of a stride's.
+const STRIDE: usize = 15;
+/// Frames to either side in which the pace of who hurries changes.
+const HASTENS: usize = 6;
 
 /// A motion at another pace.
 #[derive(Debug, Clone)]
@@ -80,11 +97,16 @@ fn hurry(pair: &[Posture], limits: &TurnLimits) -> f32 {
 
 /// How many times faster than [`MOST_TURN`] the person turns about each step between two frames, at least 1.
 fn whirls(motion: &Motion) -> Vec<f32> {
+    turning_speeds(motion).iter().map(|speed| (speed / MOST_TURN).max(1.0)).collect()
+}
+
+/// How fast the person turns round about each step between two frames, radians a second.
+fn turning_speeds(motion: &Motion) -> Vec<f32> {
     let yaws: Vec<f32> = motion.postures.iter().map(|posture| yaw(posture.rotations[0])).collect();
     let turns: Vec<f32> = yaws.windows(2).map(|pair| wrap_angle(pair[1] - pair[0])).collect();
     let around = |i: usize| &turns[i.saturating_sub(TURN_AROUND)..(i + TURN_AROUND + 1).min(turns.len())];
     let speed = |steps: &[f32]| steps.iter().sum::<f32>().abs() * FRAME_RATE / steps.len() as f32;
-    (0..turns.len()).map(|i| (speed(around(i)) / MOST_TURN).max(1.0)).collect()
+    (0..turns.len()).map(|i| speed(around(i))).collect()
 }
 
 /// How many times longer a step takes that is `ratio` times too fast.
@@ -92,9 +114,106 @@ fn over(ratio: f32) -> f32 {
     if ratio > 1.0 { ratio / TURN_SHARE } else { 1.0 }
 }
 
+/// How many frames each step from frame to frame may take until frame `until`, where a person hurries or takes their time: along the same
+/// way, in the same postures.
+#[derive(Debug, Clone)]
+pub(crate) struct Leeway {
+    frames: Vec<f32>,
+    until: usize,
+}
+
+impl Leeway {
+    /// Of who hurries to be where they are on frame `until`: nobody walks or turns round faster than people do, and no joint turns more
+    /// than [`HURRIED_TURNS`] times as fast as `limits`, but where it does anyway.
+    pub(crate) fn hurried(motion: &Motion, until: usize, limits: &TurnLimits) -> Self {
+        let speeds = walking_speeds(motion);
+        let turning = turning_speeds(motion);
+        let most = |step: usize| {
+            let walks = walks(speeds[step]);
+            let own = HURRIED.1 + (HURRIED.0 - HURRIED.1) * walks;
+            let turns = turned(&motion.postures[step..step + 2], limits);
+            let spare = |most: f32, now: f32| (most / now.max(1e-3)).max(1.0);
+            own.min(spare(FASTEST_WALK, speeds[step]))
+                .min(spare(TURN_SHARE * HURRIED_TURNS, turns))
+                .min(spare(MOST_TURN, turning[step]))
+        };
+        // What can be spared of each frame, …
+        let kept: Vec<f32> =
+            (0..speeds.len()).map(|step| if step < until { 1.0 / most(step) } else { 1.0 }).collect();
+        // … no more of any than of those around it.
+        Self { frames: softened(&widened(&kept, HASTENS), HASTENS), until }.eased(until)
+    }
+
+    /// Of who takes their time to be where they are on frame `until`: the walk alone goes slower.
+    pub(crate) fn leisurely(motion: &Motion, until: usize) -> Self {
+        let speeds = walking_speeds(motion);
+        let own = |step: usize| {
+            let slowest = (speeds[step] / SLOWEST_WALK).clamp(1.0, 1.0 / LEISURELY);
+            1.0 + (slowest - 1.0) * walks(speeds[step])
+        };
+        let more: Vec<f32> =
+            (0..speeds.len()).map(|step| if step < until { own(step) - 1.0 } else { 0.0 }).collect();
+        Self { frames: softened(&more, HASTENS).iter().map(|more| 1.0 + more).collect(), until }.eased(until)
+    }
+
+    /// The pace of the first frames, and of the last ones before frame `until`, is the motion's own.
+    fn eased(mut self, until: usize) -> Self {
+        let ease = |frames: usize| smoothstep(frames as f32 / (2 * HASTENS) as f32);
+        for (step, frames) in self.frames.iter_mut().enumerate() {
+            *frames = 1.0 + (*frames - 1.0) * ease(step) * ease(until.saturating_sub(step + 1));
+        }
+        self
+    }
+
+    /// By how many frames frame `until` may come later; negative: sooner.
+    pub(crate) fn most(&self) -> isize {
+        self.sum().trunc() as isize
+    }
+
+    fn sum(&self) -> f64 {
+        self.frames[..self.until].iter().map(|frames| f64::from(*frames) - 1.0).sum()
+    }
+
+    /// The motion so that frame `until` comes `by` frames later, of the sign of [`Self::most`] and no more; what comes after it stays.
+    pub(crate) fn taken(&self, motion: &Motion, by: isize) -> Paced {
+        let share = by as f64 / self.sum();
+        let (mut shows, mut begun) = (vec![(0, 0.0)], 0.0f64);
+        for step in 0..self.until {
+            let takes = 1.0 + share * (f64::from(self.frames[step]) - 1.0);
+            let ends = begun + takes;
+            // Each of the frames in (begun, ends]; what rounding leaves does not lose or double the last one.
+            while shows.len() as f64 <= ends + 1e-6 {
+                let part = ((shows.len() as f64 - begun) / takes) as f32;
+                shows.push(if part > 1.0 - SAME { (step + 1, 0.0) } else { (step, part) });
+            }
+            begun = ends;
+        }
+        shows.extend((self.until + 1..motion.len()).map(|frame| (frame, 0.0)));
+        shown(motion, &shows)
+    }
+}
+
+/// How much a person walks who gets about so fast, 0 to 1.
+fn walks(speed: f32) -> f32 {
+    smoothstep((speed - SETS_OFF.0) / (SETS_OFF.1 - SETS_OFF.0))
+}
+
+/// How fast the person gets about in each step from frame to frame, over a stride, m/s.
+fn walking_speeds(motion: &Motion) -> Vec<f32> {
+    let place = |frame: usize| motion.postures[frame].root_position.truncate();
+    let steps: Vec<f32> = (1..motion.len()).map(|f| place(f).distance(place(f - 1)) * FRAME_RATE).collect();
+    softened(&steps, STRIDE)
+}
+
+/// The fastest turn between two frames over what its joint may turn.
+fn turned(pair: &[Posture], limits: &TurnLimits) -> f32 {
+    let turn = |j: usize| angle_between(pair[0].rotations[j], pair[1].rotations[j]);
+    (0..JOINT_COUNT).map(|j| turn(j) / limits.usual[j].max(1e-4)).fold(0.0, f32::max)
+}
+
 /// The motion with `frames` frames for each of its steps.
 fn played(motion: &Motion, frames: &[f32]) -> Paced {
-    let (mut paced, mut shows) = (Motion::default(), Vec::new());
+    let mut shows = Vec::new();
     // `begun`: when the step from frame `at` begins.
     let (mut at, mut begun) = (0, 0.0);
     for now in 0.. {
@@ -103,15 +222,23 @@ fn played(motion: &Motion, frames: &[f32]) -> Paced {
             at += 1;
         }
         let part = frames.get(at).map_or(0.0, |f| (now as f32 - begun) / f);
-        shows.push(at as f32 + part);
-        paced.postures.push(between(motion, at, part));
-        let after = motion.contacts[(at + usize::from(part > SAME)).min(motion.len() - 1)];
-        paced.contacts.push([0, 1].map(|side| motion.contacts[at][side].min(after[side])));
+        shows.push((at, part));
         if at == frames.len() {
             break;
         }
     }
-    Paced { motion: paced, shows }
+    shown(motion, &shows)
+}
+
+/// The motion that shows these of a motion's frames, each with the part of the way to the next.
+fn shown(motion: &Motion, shows: &[(usize, f32)]) -> Paced {
+    let mut paced = Motion::default();
+    for &(at, part) in shows {
+        paced.postures.push(between(motion, at, part));
+        let after = motion.contacts[(at + usize::from(part > SAME)).min(motion.len() - 1)];
+        paced.contacts.push([0, 1].map(|side| motion.contacts[at][side].min(after[side])));
+    }
+    Paced { motion: paced, shows: shows.iter().map(|&(at, part)| at as f32 + part).collect() }
 }
 
 /// No less than the values (1 or more), and changing slowly: what each is more than 1 falls off evenly to its sides.
@@ -145,7 +272,6 @@ fn between(motion: &Motion, at: usize, part: f32) -> Posture {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rotation::angle_between;
     use crate::motion::Joint;
     use glam::{Quat, Vec3};
 
@@ -288,6 +414,92 @@ mod tests {
         let frames: Vec<usize> = (0..3).map(|f| paced.frame_of(f)).collect();
         assert_eq!(frames, [0, 2, 4]);
         assert_eq!(paced.frame_of(9), 4);
+    }
+
+    /// Somebody who stands for half a second, gets about so fast, m/s, for three, and stands again.
+    fn glides(speed: f32) -> Motion {
+        let mut motion = Motion::default();
+        let mut way = 0.0;
+        for frame in 0..120 {
+            let mut posture = Posture::default();
+            posture.root_position.y -= way;
+            way += if (15..105).contains(&frame) { speed / FRAME_RATE } else { 0.0 };
+            motion.postures.push(posture);
+            motion.contacts.push([1.0; 2]);
+        }
+        motion
+    }
+
+    /// The farthest that anybody gets in a second, m.
+    fn fastest(motion: &Motion) -> f32 {
+        let seconds = motion.postures.windows(31).map(|p| p[30].root_position.distance(p[0].root_position));
+        seconds.fold(0.0, f32::max)
+    }
+
+    const LOOSE: f32 = 1.0;
+
+    #[test]
+    fn who_hurries_is_there_on_the_frame_and_no_faster_than_people_walk() {
+        let limits = TurnLimits::new([LOOSE; JOINT_COUNT]);
+        for (speed, most) in [(1.2, 1.5), (1.5, 1.62), (1.8, 1.81)] {
+            let motion = glides(speed);
+            let leeway = Leeway::hurried(&motion, 110, &limits);
+            for by in [leeway.most(), leeway.most() / 2, -1] {
+                let paced = leeway.taken(&motion, by);
+                let met = 110usize.saturating_add_signed(by);
+                assert_eq!(
+                    (paced.frame_of(110), paced.motion.len()),
+                    (met, 120usize.saturating_add_signed(by))
+                );
+                // The same frames before and after, and all of the way.
+                assert!(paced.motion.postures[met..] == motion.postures[110..]);
+                assert_eq!(paced.motion.postures[0], motion.postures[0]);
+                assert!(fastest(&paced.motion) < most, "{speed}: {}", fastest(&paced.motion));
+                let ahead = |pair: &[Posture]| pair[1].root_position.y <= pair[0].root_position.y;
+                assert!(paced.motion.postures.windows(2).all(ahead));
+                // No seam: the pace changes slowly.
+                assert!(paced.shows.windows(3).all(|s| (s[2] - 2.0 * s[1] + s[0]).abs() < 0.06));
+            }
+        }
+        // By hand: 90 frames of 1.2 m/s at up to 1.25 times that, less where they set in.
+        let most = Leeway::hurried(&glides(1.2), 110, &limits).most();
+        assert!((-20..=-16).contains(&most), "{most}");
+    }
+
+    #[test]
+    fn no_joint_is_hurried_beyond_its_limit() {
+        let mut motion = glides(1.2);
+        for (frame, posture) in motion.postures.iter_mut().enumerate() {
+            posture.rotations[Joint::LeftForeArm.index()] = Quat::from_rotation_x(0.05 * frame as f32);
+        }
+        let most = |limit: f32| Leeway::hurried(&motion, 110, &TurnLimits::new([limit; JOINT_COUNT])).most();
+        assert_eq!(most(0.05 / HURRIED_TURNS), 0);
+        let (some, all) = (most(0.045), most(LOOSE));
+        assert!(all < some && some < -5, "{some} {all}");
+        let limits = TurnLimits::new([0.045; JOINT_COUNT]);
+        let paced = Leeway::hurried(&motion, 110, &limits).taken(&motion, some);
+        // Of the forearm: legs as straight as these bend to no side, and turn as it comes.
+        let arm = |posture: &Posture| posture.rotations[Joint::LeftForeArm.index()];
+        let turns = paced.motion.postures.windows(2).map(|pair| angle_between(arm(&pair[0]), arm(&pair[1])));
+        let fastest = turns.fold(0.0, f32::max);
+        assert!(fastest <= 0.045 * HURRIED_TURNS, "{fastest}");
+    }
+
+    #[test]
+    fn who_takes_their_time_still_walks() {
+        for (speed, least) in [(1.2, 0.95), (0.7, 0.595)] {
+            let motion = glides(speed);
+            let leeway = Leeway::leisurely(&motion, 110);
+            let most = leeway.most();
+            assert!(most > 4, "{most}");
+            let paced = leeway.taken(&motion, most);
+            assert_eq!(paced.frame_of(110), 110usize.saturating_add_signed(most));
+            let slowest = paced.motion.postures[50..80].windows(2);
+            let slowest = slowest.map(|p| p[1].root_position.distance(p[0].root_position) * FRAME_RATE);
+            assert!(slowest.fold(f32::MAX, f32::min) > least);
+        }
+        // Who stands has no walk to slow down.
+        assert_eq!(Leeway::leisurely(&glides(0.0), 110).most(), 0);
     }
 
     #[test]
