@@ -405,7 +405,7 @@ def perform_together(
     seed: int = 0,
     policy: Policy | None = None,
     manifold: Manifold | None = None,
-    earlier: Sequence[Performed] = (),
+    earlier: Sequence[Performed] = ...,
 ) -> Job[list[Performed | OncueError]]:
     """Plays the performances of several people in one shot, who begin at once; given in the order of `performances`.
 
