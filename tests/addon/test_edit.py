@@ -408,11 +408,11 @@ def test_resolve_keeps_the_key_and_fits_the_frames_around(oncue, sitting, skelet
     assert span[0] > 0
     assert span[0] < at < span[-1]
     assert span[-1] - span[0] < 90, "only the frames around adapt"
-    # The arm comes and goes where it popped before: no frame turns by more than a fraction of what was keyed.
+    # The arm comes and goes where it popped before: no frame turns by more than a fraction of the 0.6 that was keyed.
     forearm = np.stack([now[channel] for channel in own], axis=1)
     forearm /= np.linalg.norm(forearm, axis=1, keepdims=True)
     steps = 2 * np.arccos(np.clip(np.abs(np.sum(forearm[1:] * forearm[:-1], axis=1)), 0, 1))
-    assert steps[at - 10 : at + 10].max() < 0.25
+    assert steps[at - 10 : at + 10].max() < 0.35
     lines = oncue("panels").result_lines(oncue("bridge.session").current_report(bpy.context.scene))
     assert any("RightForeArm" in line and icon == "CHECKMARK" for line, icon in lines)
     # A second solve finds the same key, and it still stays.

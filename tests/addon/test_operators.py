@@ -197,6 +197,9 @@ class Layout:
     def label(self, **_look):
         pass
 
+    def prop(self, *_of, **_look):
+        pass
+
 
 def buttons(oncue):
     """What the panel offers beside its message, by identifier."""
