@@ -248,13 +248,18 @@ def test(session: nox.Session) -> None:
     for blender in found if every else dict.fromkeys([found[0], found[-1]]):
         # The same core outside the archive, in place of one that `demo` may have left there.
         python = blender_environment(session, blender, wheel)
-        resources = LOCAL / f"resources-{blender.version}"
-        shutil.rmtree(resources, ignore_errors=True)
         session.log(f"Blender {blender.version}")
-        session.run(
-            *[str(python), "-m", "pytest", "tests/addon", "--timeout=600", *posargs],
-            env={"BLENDER_USER_RESOURCES": str(resources), "ONCUE_EXTENSION": str(archive)},
-        )
+        # In one process with all the others Blender 4.2.23 has crashed as one of these tests deletes a scene.
+        alone = "tests/addon/test_what_is_said.py"
+        for part in (["tests/addon", f"--ignore={alone}"], [alone]):
+            resources = LOCAL / f"resources-{blender.version}"
+            shutil.rmtree(resources, ignore_errors=True)
+            session.run(
+                *[str(python), "-m", "pytest", *part, "--timeout=600", *posargs],
+                env={"BLENDER_USER_RESOURCES": str(resources), "ONCUE_EXTENSION": str(archive)},
+                # 5: what was asked for is in the other part.
+                success_codes=[0, 5] if posargs else [0],
+            )
 
 
 @nox.session
