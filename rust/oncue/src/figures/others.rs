@@ -130,8 +130,7 @@ pub(crate) struct Other {
 impl Other {
     /// Somebody whose motion is there.
     pub(crate) fn moving(name: &str, motion: &Motion) -> Self {
-        let bodies = motion.postures.par_iter().map(|posture| Body::of(&posture.pose())).collect();
-        Self { name: name.to_owned(), bodies, until: usize::MAX }
+        Self { name: name.to_owned(), bodies: bodies(motion), until: usize::MAX }
     }
 
     /// Somebody who stands at a place on the floor for so many frames.
@@ -182,8 +181,11 @@ pub(crate) struct Company<'a> {
 impl Company<'_> {
     /// How many frames the person waits at the start of a motion to meet nobody; `None` where no wait does.
     pub(crate) fn wait(&self, motion: &Motion) -> Option<usize> {
-        let bodies = bodies(motion);
-        let (least, polite) = (self.least(&bodies, Near::Deep), self.least(&bodies, Near::Close));
+        self.wait_of(&bodies(motion))
+    }
+
+    fn wait_of(&self, bodies: &[Body]) -> Option<usize> {
+        let (least, polite) = (self.least(bodies, Near::Deep), self.least(bodies, Near::Close));
         let least = least?;
         polite.filter(|polite| *polite <= least + POLITE).or(Some(least))
     }
@@ -220,7 +222,7 @@ impl Company<'_> {
     /// What is to be minded in a motion among others, as an eye's objections are counted.
     pub(crate) fn objections(&self, motion: &Motion) -> f32 {
         let bodies = bodies(motion);
-        match self.wait(motion) {
+        match self.wait_of(&bodies) {
             Some(wait) => WAITS * wait as f32 / FRAME_RATE,
             None => MEETS + self.met(&bodies).len() as f32,
         }

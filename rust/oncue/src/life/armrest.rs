@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::limb::reach;
 use super::score::eased;
-use super::{Flaws, Hold};
+use super::{Flaws, Hold, flawless, flawless_way, settles};
 use crate::motion::skeleton::ARMS;
 use crate::motion::{FRAME_RATE, Motion, Posture};
 
@@ -34,14 +34,12 @@ const AT: f32 = 0.05;
 const SECONDS: f32 = 0.85;
 const RISES: [f32; 3] = [0.06, 0.12, 0.18];
 const SWIVELS: [f32; 5] = [0.0, 0.25, -0.25, 0.5, -0.5];
-/// Who stays for less than this lays no hand aside, seconds.
-const SHORTEST: f32 = 0.9;
 
 /// Lays a hand on what is beside the seat; whether there is such a thing and a way there.
 pub(super) fn lay_aside(motion: &mut Motion, hold: &Hold, side: usize) -> bool {
     let base = &motion.postures[hold.from..];
     let Some(seat) = hold.around.seats.at_end() else { return false };
-    if ((base.len() - 1) as f32) < SHORTEST * FRAME_RATE || !hold.carried.is_empty() {
+    if !settles(motion, hold) {
         return false;
     }
     let last = base.len() - 1;
@@ -50,17 +48,15 @@ pub(super) fn lay_aside(motion: &mut Motion, hold: &Hold, side: usize) -> bool {
         return false;
     }
     let rest: Vec<Flaws> = base.par_iter().map(|posture| Flaws::of(posture, hold)).collect();
-    let flawless = |frame: usize, place: &Place, swivel: f32, rises: f32| {
-        let (posture, missed) = laid(&base[frame], frame, place, side, swivel, rises);
-        (!missed && !Flaws::of(&posture, hold).over(&rest[frame]).contains(&true)).then_some(posture)
-    };
     let whole = |place: &Place, swivel: f32, rises: f32| {
-        let frames = (0..=last).into_par_iter();
-        frames.map(|frame| flawless(frame, place, swivel, rises)).collect::<Option<Vec<Posture>>>()
+        flawless_way(&rest, hold, |frame| laid(&base[frame], frame, place, side, swivel, rises))
     };
     let ends = places.iter().flat_map(|place| SWIVELS.map(|swivel| (place, swivel)));
     let laid = ends
-        .filter(|&(place, swivel)| flawless(last, place, swivel, 0.0).is_some())
+        .filter(|&(place, swivel)| {
+            let end = laid(&base[last], last, place, side, swivel, 0.0);
+            flawless(end, &rest[last], hold).is_some()
+        })
         .take(TRIED)
         .find_map(|(place, swivel)| RISES.iter().find_map(|&rises| whole(place, swivel, rises)));
     let Some(laid) = laid else { return false };

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::score::{Moment, eased};
-use super::{ARM, Body, FEET, Flaws, GROUPS, Hold, LEGGED, TRUNK};
+use super::{ARM, Body, FEET, Flaws, GROUPS, Hold, LEGGED, TRUNK, flawless_way, settles};
 use crate::anatomy::BodyPart;
 use crate::motion::skeleton::{BODY_BOXES, Limb};
 use crate::motion::{FRAME_RATE, Joint, Motion, Posture};
@@ -23,18 +23,16 @@ const SHARES: [f32; 3] = [1.0, 0.85, 0.7];
 /// Hands come back along the thighs, in steps and at most, metres.
 const HANDS_STEP: f32 = 0.02;
 const HANDS_STEPS: usize = 7;
-/// Seconds that leaning back takes, and for each radian; who stays for less than the least does not.
+/// Seconds that leaning back takes, and for each radian.
 const SECONDS: f32 = 0.75;
 const SECONDS_PER_RADIAN: f32 = 1.2;
-const SHORTEST: f32 = 0.9;
 
 /// Lets the trunk of who sits come to rest, from the frame on which the body does: against the back of the seat where this take
 /// leans back (`wanted`) and there is one, and else no farther back than who is not carried sits. Whether something carries it.
 pub(super) fn settle_trunk(motion: &mut Motion, hold: &Hold, wanted: bool) -> bool {
     let frames = motion.len() - hold.from;
     let seconds = (frames - 1) as f32 / FRAME_RATE;
-    // Hands at work keep the trunk over them.
-    if hold.around.seats.at_end().is_none() || seconds < SHORTEST || !hold.carried.is_empty() {
+    if !settles(motion, hold) {
         return false;
     }
     let body = Body::new(motion, hold);
@@ -49,15 +47,10 @@ pub(super) fn settle_trunk(motion: &mut Motion, hold: &Hold, wanted: bool) -> bo
     let takes = (SECONDS + SECONDS_PER_RADIAN * lean.abs()).min(seconds);
     let rest: Vec<Flaws> = body.base.par_iter().map(|posture| Flaws::of(posture, hold)).collect();
     let settled = SHARES.into_iter().find_map(|share| {
-        (0..frames)
-            .into_par_iter()
-            .map(|frame| {
-                let part = share * eased(frame as f32 / FRAME_RATE / takes);
-                let (posture, missed) = leaning(&body, frame, lean * part, hands * part);
-                let flawed = missed || Flaws::of(&posture, hold).over(&rest[frame]).contains(&true);
-                (!flawed).then_some(posture)
-            })
-            .collect::<Option<Vec<Posture>>>()
+        flawless_way(&rest, hold, |frame| {
+            let part = share * eased(frame as f32 / FRAME_RATE / takes);
+            leaning(&body, frame, lean * part, hands * part)
+        })
     });
     let Some(settled) = settled else { return false };
     motion.postures[hold.from..].copy_from_slice(&settled);

@@ -192,6 +192,28 @@ pub(crate) fn enliven(motion: &mut Motion, hold: &Hold, progress: &Progress) -> 
     Ok(())
 }
 
+/// Whether who sits stays long enough to settle on what the seat offers, seconds: not who gets up at once, nor over hands at work.
+const SETTLES_FROM: f32 = 0.9;
+
+fn settles(motion: &Motion, hold: &Hold) -> bool {
+    let seconds = (motion.len() - hold.from - 1) as f32 / FRAME_RATE;
+    hold.around.seats.at_end().is_some() && seconds >= SETTLES_FROM && hold.carried.is_empty()
+}
+
+/// A posture that misses nothing and has no more flaws than the body at rest.
+fn flawless((posture, missed): (Posture, bool), rest: &Flaws, hold: &Hold) -> Option<Posture> {
+    (!missed && !Flaws::of(&posture, hold).over(rest).contains(&true)).then_some(posture)
+}
+
+/// The same of every frame that the body rests; `way`: a frame's posture, and whether it misses something.
+fn flawless_way(
+    rest: &[Flaws],
+    hold: &Hold,
+    way: impl Fn(usize) -> (Posture, bool) + Sync,
+) -> Option<Vec<Posture>> {
+    rest.par_iter().enumerate().map(|(frame, rest)| flawless(way(frame), rest, hold)).collect()
+}
+
 /// The motion goes on until it has so many frames: what still moves comes to rest, and the feet stay. So does the place of a
 /// pelvis that sits.
 fn lengthen(motion: &mut Motion, frames: usize, seated: bool) {
