@@ -8,6 +8,8 @@
 //! A kernel's functions are inlined into the place where they are entered. A closure that is not inlined stays a
 //! function of its own, without the instructions, so that kernels are measured after a change (`nox -s bench`).
 
+#[cfg(target_arch = "aarch64")]
+mod aarch64;
 mod vector;
 #[cfg(target_arch = "x86_64")]
 mod x86;
@@ -15,6 +17,8 @@ mod x86;
 use std::fmt;
 use std::sync::OnceLock;
 
+#[cfg(target_arch = "aarch64")]
+pub(crate) use aarch64::Neon;
 pub(crate) use vector::{Portable, Simd};
 #[cfg(target_arch = "x86_64")]
 pub(crate) use x86::{Avx2, Avx512};
@@ -31,6 +35,9 @@ pub(crate) enum Level {
     /// x86-64 with AVX-512 F beside them.
     #[cfg(target_arch = "x86_64")]
     Avx512(Avx512),
+    /// 64-bit Arm.
+    #[cfg(target_arch = "aarch64")]
+    Neon(Neon),
 }
 
 /// Something to calculate at any level.
@@ -43,7 +50,7 @@ pub(crate) trait Kernel {
 
 impl Level {
     /// The highest level of this processor, or the lower one that the environment variable `ONCUE_SIMD` names
-    /// (`portable`, `avx2`, `avx512`). Asked once a process.
+    /// (`portable`, `avx2`, `avx512`; `portable`, `neon` on Arm). Asked once a process.
     pub(crate) fn current() -> Level {
         static CURRENT: OnceLock<Level> = OnceLock::new();
         *CURRENT.get_or_init(|| {
@@ -64,12 +71,18 @@ impl Level {
     }
 
     /// The levels that this processor has, the smallest first.
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(target_arch = "aarch64")]
+    pub(crate) fn available() -> impl Iterator<Item = Level> {
+        [Level::Portable, Level::Neon(Neon)].into_iter()
+    }
+
+    /// The levels that this processor has, the smallest first.
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
     pub(crate) fn available() -> impl Iterator<Item = Level> {
         [Level::Portable].into_iter()
     }
 
-    /// Runs a kernel with the widest vectors of this level: 4 numbers side by side, 8 with AVX2, 16 with AVX-512.
+    /// Runs a kernel with the widest vectors of this level: 4 numbers side by side, 8 with AVX2 and NEON, 16 with AVX-512.
     #[inline]
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
@@ -78,6 +91,8 @@ impl Level {
             Level::Avx2(proof) => proof.enter(kernel),
             #[cfg(target_arch = "x86_64")]
             Level::Avx512(proof) => proof.enter(kernel),
+            #[cfg(target_arch = "aarch64")]
+            Level::Neon(neon) => kernel.run(neon),
         }
     }
 
@@ -91,6 +106,8 @@ impl Level {
             Level::Avx2(proof) => proof.enter(kernel),
             #[cfg(target_arch = "x86_64")]
             Level::Avx512(proof) => proof.avx2().enter(kernel),
+            #[cfg(target_arch = "aarch64")]
+            Level::Neon(neon) => kernel.run(neon),
         }
     }
 }
@@ -103,6 +120,8 @@ impl fmt::Display for Level {
             Level::Avx2(_) => "avx2",
             #[cfg(target_arch = "x86_64")]
             Level::Avx512(_) => "avx512",
+            #[cfg(target_arch = "aarch64")]
+            Level::Neon(_) => "neon",
         })
     }
 }
