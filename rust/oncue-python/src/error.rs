@@ -38,14 +38,17 @@ pub fn to_python(failure: Failure) -> PyErr {
     }
 }
 
-/// `OSError(errno, text, file)`, which Python turns into `FileNotFoundError`, `PermissionError` and so on.
+/// `OSError(errno, text, file, winerror)`, which Python turns into `FileNotFoundError`, `PermissionError` and so on.
 fn os_error(file: &Path, source: &std::io::Error) -> PyErr {
     match source.raw_os_error() {
         Some(code) => {
-            // Rust's text ends in " (os error 2)", Python's begins with "[Errno 2]": once is enough.
+            // Rust's text ends in " (os error 2)", Python's begins with "[Errno 2]": once is enough. That of Windows is a
+            // sentence with its full stop, which Python takes off its own, too.
             let text = source.to_string();
-            let text = text.split(" (os error").next().unwrap_or_default().to_owned();
-            PyOSError::new_err((code, text, file.display().to_string()))
+            let text = text.split(" (os error").next().unwrap_or_default().trim_end_matches('.').to_owned();
+            // Windows counts its errors otherwise than `errno` does; Python knows which are which.
+            let (errno, winerror) = if cfg!(windows) { (0, Some(code)) } else { (code, None) };
+            PyOSError::new_err((errno, text, file.display().to_string(), winerror))
         }
         None => PyOSError::new_err(format!("{}: {source}", file.display())),
     }
