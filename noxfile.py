@@ -10,6 +10,7 @@ import functools
 import hashlib
 import json
 import os
+import platform as platform_module
 import re
 import shutil
 import subprocess
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import nox
+from nox.command import CommandFailed
 
 ROOT = Path(__file__).parent
 ENVIRONMENTS = ROOT / ".nox"
@@ -28,15 +30,20 @@ LOCAL = OUT / "build"
 DIST = ROOT / "dist"
 #: The terms of what is compiled into the wheel; made with it.
 NOTICES = ROOT / "LICENSES-THIRD-PARTY.txt"
+#: What is compiled in, for programs that look for it: CycloneDX, the same list as in the wheel.
+SBOM = "oncue_core.cyclonedx.json"
 
 MATURIN = ["maturin==1.16.0"]
-ZIG = ["ziglang==0.17.1"]
+#: Reads what came of it, for whatever system it is.
+LIEF = "lief==1.0.0"
+#: Links for other systems.
+PORTABLE = [*MATURIN, "ziglang==0.17.1", LIEF]
 CARGO_DENY = "0.20.2"
 LINTERS = ["ruff==0.17.6", "mypy==2.4.1", "numpy==2.4.6", "pytest==9.2.0", "nox"]
 #: Tells synthesized motion from captured; the product never sees it.
 CLASSIFIER = ["scikit-learn==1.9.1", "scipy==1.17.1"]
 EVALUATION = ["numpy==2.4.6", "trimesh==5.2.0", "matplotlib==3.11.2", *CLASSIFIER]
-CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6", *CLASSIFIER]
+CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6", LIEF, *CLASSIFIER]
 #: A crash or a hang in Blender's exit must not hold the run.
 BLENDER_TESTS = ["pytest==9.2.0", "pytest-timeout==2.4.0"]
 #: What breaks the core for `mutants`; not in CI.
@@ -65,6 +72,33 @@ BLENDERS = (
     Blender("5.2.3", "3.13"),
 )
 
+
+class Platform(NamedTuple):
+    """A kind of machine: as Blender calls it, as Rust does, and as wheels do."""
+
+    name: str
+    target: str
+    tag: str
+
+    @property
+    def system(self) -> str:
+        return self.name.split("-")[0]
+
+
+#: What the extension is built for. `build` makes that of this machine first.
+PLATFORMS = (
+    Platform("linux-x64", "x86_64-unknown-linux-gnu", r"linux.*_x86_64"),
+    Platform("linux-arm64", "aarch64-unknown-linux-gnu", r"linux.*_aarch64"),
+    # Linked by zig; where Microsoft's linker is at hand, on Windows, that takes its place.
+    Platform("windows-x64", "x86_64-pc-windows-gnu", r"win_amd64"),
+    Platform("windows-arm64", "aarch64-pc-windows-gnullvm", r"win_arm64"),
+    Platform("macos-arm64", "aarch64-apple-darwin", r"macosx.*_arm64"),
+    Platform("macos-x64", "x86_64-apple-darwin", r"macosx.*_x86_64"),
+)
+
+#: This machine's system, as platforms are named.
+HERE = {"win32": "windows", "darwin": "macos"}.get(sys.platform, sys.platform)
+
 nox.options.sessions = ["test"]
 nox.options.default_venv_backend = "none"
 nox.options.stop_on_first_error = True
@@ -83,6 +117,10 @@ def interpreter(version: str) -> str | None:
         roots.append(Path(os.environ["PYENV_ROOT"]) / "versions")
     for root in roots:
         candidates += map(str, sorted(root.glob(f"{version}*/bin/{name}"), reverse=True))
+    if sys.platform == "win32" and (launcher := shutil.which("py")):
+        # There a Python has no version in its name, and the launcher knows where each is.
+        asked = [launcher, f"-{version}", "-c", "import sys; print(sys.executable)"]
+        candidates.append(subprocess.run(asked, capture_output=True, text=True, check=False).stdout.strip())
     for candidate in candidates:
         if candidate and _version_of(candidate) == version:
             return candidate
@@ -114,7 +152,7 @@ def environment(session: nox.Session, name: str, requirements: list[str], python
     folder = ENVIRONMENTS / name
     stamp = folder / "requirements.txt"
     wanted = "\n".join([f"# {python}", *requirements])
-    executable = folder / "bin" / "python"
+    executable = program(folder, "python")
     if not (stamp.is_file() and stamp.read_text() == wanted):
         # virtualenv comes with nox and needs no ensurepip, which Debian keeps in a package of its own.
         session.run(sys.executable, "-m", "virtualenv", "--quiet", "--clear", "--python", python, str(folder))
@@ -122,6 +160,16 @@ def environment(session: nox.Session, name: str, requirements: list[str], python
             session.run(str(executable), "-m", "pip", "install", "--quiet", *requirements)
         stamp.write_text(wanted)
     return executable
+
+
+def program(environment: Path, name: str) -> Path:
+    """Where a virtual environment has a program."""
+    return environment / "Scripts" / f"{name}.exe" if sys.platform == "win32" else environment / "bin" / name
+
+
+def compiled(root: Path, name: str) -> Path:
+    """Where `cargo install --root` has put a program."""
+    return root / "bin" / (f"{name}.exe" if sys.platform == "win32" else name)
 
 
 def blender_environment(session: nox.Session, blender: Blender, wheel: Path | None = None) -> Path:
@@ -138,41 +186,173 @@ def install_wheel(session: nox.Session, python: Path, wheel: Path) -> None:
     session.run(str(python), "-m", "pip", "install", "--quiet", "--no-deps", "--force-reinstall", str(wheel))
 
 
-def build_wheel(session: nox.Session, *, portable: bool = False) -> Path:
-    """The abi3 wheel of oncue_core.
+def build_wheel(session: nox.Session) -> Path:
+    """The abi3 wheel of oncue_core for this machine.
 
     Linked by this machine's linker it shares its compiled parts with the Rust tests, and any Blender of this
-    machine loads it. `portable` links it by zig for manylinux 2.28, as other machines need it: once more from scratch.
+    machine loads it. `build_portable_wheel` makes those that other machines need, once more from scratch.
     """
-    tools = environment(session, "portable" if portable else "build", MATURIN + (ZIG if portable else []))
-    folder = DIST if portable else LOCAL
-    for old in folder.glob("oncue_core-*.whl"):
-        old.unlink()
+    tools = environment(session, "build", MATURIN)
+    return run_maturin(session, tools, LOCAL, ["--interpreter", str(tools)], {})
+
+
+def run_maturin(session: nox.Session, tools: Path, folder: Path, arguments: list[str], env: dict[str, str]) -> Path:
+    """The wheel that maturin, in the environment of the Python `tools`, writes into `folder`."""
     session.run(sys.executable, "tools/dependencies.py", "notices", str(NOTICES))
-    command = [str(tools), "-m", "maturin", "build", "--release", "--out", str(folder)]
-    command += ["--interpreter", str(tools)]
-    if portable and sys.platform == "linux":
-        command += ["--zig", "--compatibility", "manylinux_2_28"]
+    fresh = folder / "fresh"
+    shutil.rmtree(fresh, ignore_errors=True)
+    command = [str(tools), "-m", "maturin", "build", "--release", "--out", str(fresh)]
     # maturin looks for zig in the environment that is active.
     path = f"{tools.parent}{os.pathsep}{os.environ['PATH']}"
-    session.run(*command, env={"VIRTUAL_ENV": str(tools.parents[1]), "PATH": path})
-    (wheel,) = folder.glob("oncue_core-*.whl")
-    with zipfile.ZipFile(wheel) as zipped:
+    active = {"VIRTUAL_ENV": str(tools.parents[1]), "PATH": path}
+    session.run(*command, *arguments, env={**active, **env})
+    (made,) = fresh.glob("oncue_core-*.whl")
+    with zipfile.ZipFile(made) as zipped:
         if not any(name.endswith(f"licenses/{NOTICES.name}") for name in zipped.namelist()):
-            session.error(f"{wheel.name} lacks {NOTICES.name}.")
+            session.error(f"{made.name} lacks {NOTICES.name}.")
+    for old in folder.glob(f"oncue_core-*{made.stem.split('-')[-1]}.whl"):
+        old.unlink()
+    wheel = folder / made.name
+    made.rename(wheel)
+    fresh.rmdir()
     return wheel
+
+
+class CannotBuild(Exception):
+    """Why this machine cannot build for a platform: the end of a sentence."""
+
+
+def build_portable_wheel(session: nox.Session, platform: Platform) -> Path:
+    """The wheel of `platform` for everybody, in `dist/`: the same bytes each time. Raises CannotBuild.
+
+    Linked by zig, which brings the other systems' libraries along; for manylinux 2.28, and what Rust itself asks for of
+    Windows and macOS.
+    """
+    tools = environment(session, "portable", PORTABLE)
+    arguments, env = recipe(session, platform, tools)
+    epoch = date_of_the_sources()
+    cargo = Path(os.environ.get("CARGO_HOME", Path.home() / ".cargo"))
+    # Sentences of panics name source files; those of this machine's folders would differ from machine to machine.
+    places = {cargo / "registry" / "src": "/cargo", ROOT: "/oncue"}
+    if sources := env.get("__CARGO_TESTS_ONLY_SRC_ROOT"):
+        places[Path(sources)] = "/rustc/library"
+    env |= {
+        "CARGO_ENCODED_RUSTFLAGS": "\x1f".join(f"--remap-path-prefix={place}={name}" for place, name in places.items()),
+        # A folder of its own: these settings change what cargo knows of every dependency.
+        "CARGO_TARGET_DIR": str(ROOT / "target" / "portable"),
+        "CARGO_PROFILE_RELEASE_DEBUG": "false",
+        "CARGO_PROFILE_RELEASE_INCREMENTAL": "false",
+        "SOURCE_DATE_EPOCH": epoch,
+    }
+    try:
+        wheel = run_maturin(session, tools, DIST, arguments, env)
+    except CommandFailed as failed:
+        raise CannotBuild("maturin stopped with the error above") from failed
+    session.run(sys.executable, "-m", "tools.archives", "wheel", str(wheel), env={"SOURCE_DATE_EPOCH": epoch})
+    session.run(str(tools), "-m", "tools.archives", "check", str(wheel))
+    return wheel
+
+
+def recipe(session: nox.Session, platform: Platform, tools: Path) -> tuple[list[str], dict[str, str]]:
+    """The arguments and environment of the maturin beside `tools` for `platform`. Raises CannotBuild.
+
+    Rust's standard library for it is there, or rustup fetches it, or it is built from the sources that
+    `ONCUE_RUST_SOURCES` names: a folder with Rust's `library`, of the version of this machine's compiler.
+    """
+    target = platform.target
+    if HERE == "windows" and platform.system == "windows":
+        target = re.sub("-gnu(llvm)?$", "-msvc", target)
+    arguments = ["--target", target]
+    env: dict[str, str] = {}
+    if platform.system == "linux":
+        arguments += ["--zig", "--compatibility", "manylinux_2_28"]
+    elif platform.system != HERE and platform.system == "windows":
+        env |= zig_for_windows(target, tools.parent)
+    elif platform.system != HERE:
+        arguments += ["--zig"]
+    if platform.system == "macos":
+        # The oldest that has run on Apple's processors, and that Blender 4.2 runs on.
+        env["MACOSX_DEPLOYMENT_TARGET"] = "11.0"
+    sysroot = Path(output_of("rustc", "--print", "sysroot"))
+    if (sysroot / "lib" / "rustlib" / target / "lib").is_dir():
+        return arguments, env
+    if given := os.environ.get("ONCUE_RUST_SOURCES"):
+        env |= {"RUSTC_BOOTSTRAP": "1", "__CARGO_TESTS_ONLY_SRC_ROOT": str(standard_library(Path(given)))}
+        return [*arguments, "-Z", "build-std=std,panic_unwind"], env
+    if not shutil.which("rustup"):
+        raise CannotBuild(f"Rust's standard library for {target} is not installed, and rustup is not there to fetch it")
+    try:
+        session.run("rustup", "target", "add", target, external=True)
+    except CommandFailed as failed:
+        raise CannotBuild(f"rustup could not fetch Rust's standard library for {target}") from failed
+    return arguments, env
+
+
+def zig_for_windows(target: str, folder: Path) -> dict[str, str]:
+    """The environment in which cargo links for Windows by the zig of maturin, whose programs are in `folder`.
+
+    `maturin --zig` would have every library of the build export the module's function, under a name with a dot
+    (findings/maturin_exports_by_zig.sh).
+    """
+    linker = folder / f"zigcc-{target}"
+    machine = target.partition("-")[0]
+    linker.write_text(f'#!/bin/sh\nexec "{folder}/maturin" zig cc -- -g0 -target {machine}-windows-gnu "$@"\n')
+    linker.chmod(0o755)
+    # maturin is this program too, where it is called by its name.
+    dlltool = folder / f"{machine}-w64-mingw32-dlltool"
+    dlltool.unlink(missing_ok=True)
+    dlltool.symlink_to("maturin")
+    return {f"CARGO_TARGET_{target.upper().replace('-', '_')}_LINKER": str(linker)}
+
+
+def standard_library(sources: Path) -> Path:
+    """The folder `library` of Rust's sources with its lock file beside it, as cargo wants it. Raises CannotBuild."""
+    library = sources / "library"
+    if not (library / "std" / "Cargo.toml").is_file():
+        raise CannotBuild(f"{sources}, which ONCUE_RUST_SOURCES names, has no library/std")
+    stated = [file for file in (sources / "version", sources / "src" / "version") if file.is_file()]
+    theirs = stated[0].read_text(encoding="utf-8").split()[0] if stated else ""
+    ours = output_of("rustc", "--version").split()[1]
+    if theirs and theirs != ours:
+        raise CannotBuild(f"{sources} has the sources of Rust {theirs}, and the compiler is {ours}")
+    if (library / "Cargo.lock").is_file():
+        return library
+    # Debian leaves the lock file one folder up.
+    copy = ENVIRONMENTS / f"rust-library-{ours}"
+    if not (copy / "Cargo.lock").is_file():
+        shutil.copytree(library, copy, dirs_exist_ok=True)
+        shutil.copy2(sources / "Cargo.lock", copy)
+    return copy
+
+
+def output_of(*command: str) -> str:
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+
+
+@functools.cache
+def date_of_the_sources() -> str:
+    """When the last commit was made, in seconds: the date of all that goes into `dist/`."""
+    if given := os.environ.get("SOURCE_DATE_EPOCH"):
+        return given
+    try:
+        return output_of("git", "log", "-1", "--format=%ct")
+    except (OSError, subprocess.CalledProcessError):
+        # Sources without their history: the first day of the project.
+        return "1763596800"
 
 
 def extension_command(session: nox.Session, blender: Blender) -> list[str]:
     """Blender's own command for building and validating extensions, which runs without Blender."""
     python = blender_environment(session, blender)
-    (tool,) = python.parents[1].glob("lib/python*/site-packages/bpy/*/scripts/addons_core/bl_pkg/cli/blender_ext.py")
-    return [str(python), str(tool)]
+    tool = "site-packages/bpy/*/scripts/addons_core/bl_pkg/cli/blender_ext.py"
+    (found,) = [*python.parents[1].glob(f"lib/python*/{tool}"), *python.parents[1].glob(f"Lib/{tool}")][:1]
+    return [str(python), str(found)]
 
 
-def build_extension(session: nox.Session, wheel: Path) -> Path:
-    """The extension's archive with `wheel` in it, built and validated by Blender's own command."""
+def build_extension(session: nox.Session, wheels: list[Path]) -> list[Path]:
+    """The extension's archives, one for the platform of each wheel, built and validated by Blender's own command."""
     command = extension_command(session, blenders(session)[-1])
+    folder = wheels[0].parent
     staging = LOCAL / "extension"
     shutil.rmtree(staging, ignore_errors=True)
     ignored = shutil.ignore_patterns("__pycache__", "*.pyc")
@@ -182,20 +362,27 @@ def build_extension(session: nox.Session, wheel: Path) -> Path:
     (staging / "docs").mkdir()
     shutil.copy2(ROOT / "docs" / "captures.md", staging / "docs")
     session.run(sys.executable, "tools/guide_pages.py", str(staging / "guide"), silent=True)
+    session.run(sys.executable, "-m", "tools.archives", "sbom", str(wheels[0]), str(staging / SBOM))
     (staging / "wheels").mkdir()
-    shutil.copy2(wheel, staging / "wheels")
+    for wheel in wheels:
+        shutil.copy2(wheel, staging / "wheels")
     manifest = staging / "blender_manifest.toml"
-    manifest.write_text(with_wheel(manifest.read_text(), wheel))
-    for old in wheel.parent.glob("oncue-*.zip"):
+    manifest.write_text(with_wheels(manifest.read_text(encoding="utf-8"), wheels), encoding="utf-8", newline="\n")
+    for old in folder.glob("oncue-*.zip"):
         old.unlink()
-    session.run(*command, "build", "--source-dir", str(staging), "--output-dir", str(wheel.parent))
-    (archive,) = wheel.parent.glob("oncue-*.zip")
-    session.run(*command, "validate", str(archive))
-    with zipfile.ZipFile(archive) as zipped:
-        (inside,) = (name for name in zipped.namelist() if name.endswith(".whl"))
-        if digest(zipped.read(inside)) != digest(wheel.read_bytes()):
-            session.error(f"{inside} in {archive.name} is not the wheel that was built.")
-    return archive
+    session.run(*command, "build", "--split-platforms", "--source-dir", str(staging), "--output-dir", str(folder))
+    archives = []
+    for wheel in wheels:
+        (archive,) = folder.glob(f"oncue-*-{platform_of(wheel).name.replace('-', '_')}.zip")
+        fix = [sys.executable, "-m", "tools.archives", "archive", str(archive)]
+        session.run(*fix, env={"SOURCE_DATE_EPOCH": date_of_the_sources()})
+        session.run(*command, "validate", str(archive))
+        with zipfile.ZipFile(archive) as zipped:
+            (inside,) = (name for name in zipped.namelist() if name.endswith(".whl"))
+            if digest(zipped.read(inside)) != digest(wheel.read_bytes()):
+                session.error(f"{inside} in {archive.name} is not the wheel that was built.")
+        archives.append(archive)
+    return archives
 
 
 def of_the_window(archive: Path) -> dict[str, str]:
@@ -204,18 +391,21 @@ def of_the_window(archive: Path) -> dict[str, str]:
     return {"ONCUE_EXTENSION": str(archive), "ONCUE_WINDOW_ROOT": root}
 
 
-def with_wheel(manifest: str, wheel: Path) -> str:
-    """The manifest naming `wheel`, its platform and its version."""
-    platforms = {"linux.*_x86_64": "linux-x64", "macosx.*_arm64": "macos-arm64", "macosx.*_x86_64": "macos-x64"}
-    platforms |= {"win_amd64": "windows-x64", "win_arm64": "windows-arm64", "linux.*_aarch64": "linux-arm64"}
-    platform = next(name for tag, name in platforms.items() if re.search(tag, wheel.name))
-    version = wheel.name.split("-")[1]
+def platform_of(wheel: Path) -> Platform:
+    """The platform that a wheel's name says."""
+    return next(platform for platform in PLATFORMS if re.search(rf"-[^-]*{platform.tag}\.whl$", wheel.name))
+
+
+def with_wheels(manifest: str, wheels: list[Path]) -> str:
+    """The manifest naming the wheels, their platforms and their version."""
+    version = wheels[0].name.split("-")[1]
     manifest = re.sub(r"(?m)^(wheels|platforms) = \[[^]]*\]\n", "", manifest)
     manifest = re.sub(r'(?m)^version = ".*"$', f'version = "{version}"', manifest, count=1)
-    added = f'platforms = ["{platform}"]\nwheels = ["./wheels/{wheel.name}"]\n'
+    platforms = ", ".join(f'"{platform_of(wheel).name}"' for wheel in wheels)
+    files = ", ".join(f'"./wheels/{wheel.name}"' for wheel in wheels)
     # Before the first table, where plain keys end.
     head, table, rest = manifest.partition("\n[")
-    return f"{head.rstrip()}\n{added}{table}{rest}"
+    return f"{head.rstrip()}\nplatforms = [{platforms}]\nwheels = [{files}]\n{table}{rest}"
 
 
 def digest(data: bytes) -> str:
@@ -234,16 +424,18 @@ def typed_files() -> list[str]:
 
 @nox.session
 def test(session: nox.Session) -> None:
-    """All tests; `-- --all` for every Blender instead of the oldest and the newest."""
-    every = "--all" in session.posargs
-    posargs = [argument for argument in session.posargs if argument != "--all"]
+    """All tests; `-- --all` for every Blender instead of the oldest and the newest, `-- --core` for none."""
+    every, core = "--all" in session.posargs, "--core" in session.posargs
+    posargs = [argument for argument in session.posargs if argument not in ("--all", "--core")]
     # The whole workspace, so that every crate has the features that it has in the wheel, and is compiled once.
     session.run("cargo", "test", "--release", "--locked", "--workspace", external=True)
     wheel = build_wheel(session)
     python = environment(session, "core", CORE_TESTS)
     install_wheel(session, python, wheel)
     session.run(str(python), "-m", "pytest", "tests", "--ignore=tests/addon", "--ignore=tests/window", *posargs)
-    archive = build_extension(session, wheel)
+    if core:
+        return
+    (archive,) = build_extension(session, [wheel])
     found = blenders(session)
     for blender in found if every else dict.fromkeys([found[0], found[-1]]):
         # The same core outside the archive, in place of one that `demo` may have left there.
@@ -275,7 +467,14 @@ def lint(session: nox.Session) -> None:
     python = environment(session, "lint", LINTERS)
     session.run(str(python), "-m", "ruff", "check")
     session.run(str(python), "-m", "ruff", "format", "--check")
-    files = ["rust/oncue-python/oncue_core", "noxfile.py", "tools/dependencies.py", *typed_files()]
+    files = [
+        "rust/oncue-python/oncue_core",
+        "noxfile.py",
+        "tools/dependencies.py",
+        "tools/archives.py",
+        "tools/changelog.py",
+        *typed_files(),
+    ]
     session.run(str(python), "-m", "mypy", *files)
 
 
@@ -288,21 +487,67 @@ def deny(session: nox.Session) -> None:
     database from the network and are asked for by name: `-- advisories`.
     """
     folder = ENVIRONMENTS / "cargo-deny"
-    if not (folder / "bin").is_dir():
+    tool = compiled(folder, "cargo-deny")
+    if not tool.is_file():
         install = ["cargo", "install", "--locked", "--root", str(folder), "--version", CARGO_DENY, "cargo-deny"]
         session.run(*install, external=True)
     what = session.posargs or ["licenses", "bans", "sources"]
-    session.run(str(folder / "bin" / "cargo-deny"), "--locked", "check", *what, external=True)
+    session.run(str(tool), "--locked", "check", *what, external=True)
 
 
 @nox.session
 def build(session: nox.Session) -> None:
-    """The extension's archive for everybody: portable wheel, validated archive, in `dist/`."""
-    wheel = build_wheel(session, portable=True)
-    python = environment(session, "core", CORE_TESTS)
-    install_wheel(session, python, wheel)
-    session.run(str(python), "-c", "import oncue_core; print('oncue_core', oncue_core.__version__, 'loads')")
-    session.log(f"The extension is {build_extension(session, wheel).relative_to(ROOT)}")
+    """The extension for everybody who has this machine's platform, in `dist/`: portable wheel, validated archive.
+
+    `-- --all` for every platform, `-- macos-arm64 …` for those that are named, `-- --wheels …` without the archives.
+    Fails where one of them could not be built, once the others are; CONTRIBUTING.md tells what each needs.
+    """
+    names = [platform.name for platform in PLATFORMS]
+    asked = [argument for argument in session.posargs if argument not in ("--all", "--wheels")]
+    if unknown := [name for name in asked if name not in names]:
+        session.error(f"There is no platform {unknown[0]}. Those that there are: {', '.join(names)}.")
+    here = this_platform()
+    if "--all" in session.posargs:
+        asked = sorted(names, key=lambda name: name != here)
+    wheels, lacking = [], []
+    for platform in sorted(PLATFORMS, key=lambda platform: platform.name != here):
+        if platform.name not in (asked or [here]):
+            continue
+        try:
+            wheels.append(build_portable_wheel(session, platform))
+        except CannotBuild as why:
+            lacking.append(f"{platform.name} could not be built: {why}.")
+    for wheel in wheels:
+        if platform_of(wheel).name == here:
+            python = environment(session, "core", CORE_TESTS)
+            install_wheel(session, python, wheel)
+            session.run(str(python), "-c", "import oncue_core; print('oncue_core', oncue_core.__version__, 'loads')")
+    made = list(wheels)
+    if wheels and "--wheels" not in session.posargs:
+        archives = build_extension(session, wheels)
+        session.run(
+            str(environment(session, "portable", PORTABLE)), "-m", "tools.archives", "check", *map(str, archives)
+        )
+        made += archives
+    for file in made:
+        session.log(f"{file.relative_to(ROOT)}  {file.stat().st_size / 1e6:.1f} MB  sha256 {digest(file.read_bytes())}")
+    if lacking:
+        session.error(" ".join(lacking))
+
+
+@nox.session
+def notes(session: nox.Session) -> None:
+    """`-- v0.1.0` writes what CHANGELOG.md says of a release to `dist/NOTES.md`; fails where it is not ready."""
+    if len(session.posargs) != 1:
+        session.error("Please name the release's tag: nox -s notes -- v0.1.0")
+    DIST.mkdir(exist_ok=True)
+    session.run(sys.executable, "-m", "tools.changelog", session.posargs[0], str(DIST / "NOTES.md"))
+
+
+def this_platform() -> str:
+    """What Blender calls this machine."""
+    arm = platform_module.machine().lower() in ("arm64", "aarch64")
+    return f"{HERE}-{'arm64' if arm else 'x64'}"
 
 
 @nox.session
@@ -372,7 +617,7 @@ def examples(session: nox.Session) -> None:
 @nox.session
 def window(session: nox.Session) -> None:
     """The button, pressed with the mouse in the real program, put into `.nox/debian-13-blender` (needs root)."""
-    archive = build_extension(session, build_wheel(session))
+    (archive,) = build_extension(session, [build_wheel(session)])
     python = blender_environment(session, blenders(session)[-1])
     session.run(*[str(python), "-m", "pytest", "tests/window", *session.posargs], env=of_the_window(archive))
 
@@ -381,7 +626,7 @@ def window(session: nox.Session) -> None:
 def guide(session: nox.Session) -> None:
     """The pictures of docs/guide, made in the real program (needs root); `-- --only seats-edge` for some of them."""
     wheel = build_wheel(session)
-    archive = build_extension(session, wheel)
+    (archive,) = build_extension(session, [wheel])
     python = blender_environment(session, blenders(session)[-1], wheel)
     tools = environment(session, "tools", ["pillow"])
     command = [str(tools), "tools/guide_pictures.py", "--python", str(python), *session.posargs]
@@ -474,7 +719,7 @@ def mutants(session: nox.Session) -> None:
     `-- --sample 60 --seed 1 [--shard 0/4] [--no-breaks] [--no-report]`. Takes about half a minute a mutant.
     """
     root = ENVIRONMENTS / "cargo-mutants"
-    tool = root / "bin" / "cargo-mutants"
+    tool = compiled(root, "cargo-mutants")
     install = ["cargo", "install", "--locked", "--quiet", "--root", str(root), "--version", CARGO_MUTANTS]
     # Does nothing where this version is there.
     session.run(*install, "cargo-mutants", external=True)

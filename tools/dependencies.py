@@ -175,12 +175,16 @@ def terms(package: Package) -> list[str]:
     return texts
 
 
+def shipped() -> set[tuple[str, str]]:
+    """Name and version of every package in the compiled library of any platform."""
+    rules = tomllib.loads(RULES.read_text(encoding="utf-8"))
+    return used(rules["graph"]["targets"], "--package", SHIPPED, "--edges", "normal,no-proc-macro")
+
+
 def notices() -> str:
     """Name, version, licence and terms of every package in the compiled library; what several share stands once."""
-    rules = tomllib.loads(RULES.read_text(encoding="utf-8"))
     known = manifests()
-    names = used(rules["graph"]["targets"], "--package", SHIPPED, "--edges", "normal,no-proc-macro")
-    packages = [known[name] for name in sorted(names) if known[name].source]
+    packages = [known[name] for name in sorted(shipped()) if known[name].source]
     by_text: dict[str, list[Package]] = {}
     for package in packages:
         for text in terms(package):
