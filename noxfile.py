@@ -458,7 +458,7 @@ def test(session: nox.Session) -> None:
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Formatting, clippy, the crate's documentation, the dependencies' terms and versions, ruff, mypy and actionlint."""
+    """Formatting, clippy, the crate's documentation, the dependencies' terms, ruff, mypy and actionlint."""
     session.run("cargo", "fmt", "--all", "--check", external=True)
     session.run(sys.executable, "tools/dependencies.py", "check")
     clippy = ["cargo", "clippy", "--release", "--locked", "--workspace", "--all-targets"]
