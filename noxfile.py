@@ -540,6 +540,13 @@ def build(session: nox.Session) -> None:
 
 
 @nox.session
+def crates(session: nox.Session) -> None:
+    """Packs both crates as they would be published, and compiles what was packed; uploads nothing. Needs Rust 1.90."""
+    command = ["cargo", "publish", "--dry-run", "--workspace", "--locked", "--target-dir", "target/crates"]
+    session.run(*command, *session.posargs, external=True)
+
+
+@nox.session
 def notes(session: nox.Session) -> None:
     """`-- v0.1.0` writes what CHANGELOG.md says of a release to `dist/NOTES.md`; fails where it is not ready."""
     if len(session.posargs) != 1:

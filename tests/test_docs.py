@@ -66,3 +66,9 @@ def test_source_files_that_are_named_exist(document):
     from_here = [ROOT, ROOT / "rust" / "oncue" / "src", ROOT / "rust" / "oncue", ROOT / "addon"]
     for path in SOURCE_PATH.findall(document.read_text(encoding="utf-8")):
         assert any((folder / path).exists() for folder in from_here), f"{name_of(document)}: {path}"
+
+
+@pytest.mark.parametrize("crate", ["oncue", "oncue-python"])
+@pytest.mark.parametrize("terms", ["LICENSE-MIT", "LICENSE-APACHE"])
+def test_a_crate_that_is_packed_alone_has_its_terms(crate, terms):
+    assert (ROOT / "rust" / crate / terms).read_bytes() == (ROOT / terms).read_bytes()
