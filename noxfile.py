@@ -298,7 +298,15 @@ def zig_for_windows(target: str, folder: Path) -> dict[str, str]:
     """
     linker = folder / f"zigcc-{target}"
     machine = target.partition("-")[0]
-    linker.write_text(f'#!/bin/sh\nexec "{folder}/maturin" zig cc -- -g0 -target {machine}-windows-gnu "$@"\n')
+    # zig does not hear of rustc's list of exports as an option, and would export everything.
+    linker.write_text(f"""#!/bin/sh
+for argument do
+    shift
+    case "$argument" in -Wl,*.def) argument="${{argument#-Wl,}}" ;; esac
+    set -- "$@" "$argument"
+done
+exec "{folder}/maturin" zig cc -- -g0 -target {machine}-windows-gnu "$@"
+""")
     linker.chmod(0o755)
     # maturin is this program too, where it is called by its name.
     dlltool = folder / f"{machine}-w64-mingw32-dlltool"
@@ -537,6 +545,20 @@ def build(session: nox.Session) -> None:
         session.log(f"{file.relative_to(ROOT)}  {file.stat().st_size / 1e6:.1f} MB  sha256 {digest(file.read_bytes())}")
     if lacking:
         session.error(" ".join(lacking))
+
+
+@nox.session
+def emulated(session: nox.Session) -> None:
+    """tests/core of the wheels in `dist/` for Windows under Wine and Arm's Linux under qemu (root, on Debian).
+
+    `-- windows-x64` or `-- linux-arm64` for one of them, with what pytest is to be given.
+    """
+    platforms = [name for name in session.posargs if name in ("windows-x64", "linux-arm64")]
+    arguments = [argument for argument in session.posargs if argument not in platforms]
+    for platform in platforms or ["windows-x64", "linux-arm64"]:
+        (wheel,) = (wheel for wheel in DIST.glob("oncue_core-*.whl") if platform_of(wheel).name == platform)
+        folder = ENVIRONMENTS / f"emulated-{platform}"
+        session.run(sys.executable, "tools/emulated.py", platform, str(folder), str(wheel), *arguments)
 
 
 @nox.session

@@ -205,6 +205,9 @@ def of_library(data: bytes, tag: str) -> list[str]:
             found.append(f"asks for macOS {'.'.join(map(str, least))}.")
         if tag.endswith("arm64"):
             found += of_signature(data, library)
+    # Rust's own names among them say that all was exported, and nothing that is not used was left out.
+    if inner := [name for name in exported(library) if re.match("_{1,2}(R[A-Z]|ZN)", name)]:
+        found.append(f"exports {len(inner)} functions of its inside.")
     if actual not in machine or not any(family in tag for family in families):
         found.append(f"is for {actual}.")
     found += [f"asks for {name}, which not every system has." for name in needed if not system.fullmatch(name)]
@@ -213,6 +216,12 @@ def of_library(data: bytes, tag: str) -> list[str]:
     if leak := re.search(re.escape(str(Path.home())).encode() + rb"[^\0]{0,60}", data):
         found.append(f"names a path of the machine that built it: {leak[0].decode(errors='replace')}.")
     return found
+
+
+def exported(library: Any) -> list[str]:
+    """The names that other programs can ask a library for."""
+    symbols = library.exported_functions if hasattr(library, "get_export") else library.exported_symbols
+    return [str(symbol.name) for symbol in symbols]
 
 
 def least_macos(library: Any) -> tuple[int, ...]:
