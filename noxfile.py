@@ -101,6 +101,9 @@ PLATFORMS = (
 #: This machine's system, as platforms are named.
 HERE = {"win32": "windows", "darwin": "macos"}.get(sys.platform, sys.platform)
 
+# As in Blender: Windows' own encoding is another one in each country.
+os.environ.setdefault("PYTHONUTF8", "1")
+
 nox.options.sessions = ["test"]
 nox.options.default_venv_backend = "none"
 nox.options.stop_on_first_error = True

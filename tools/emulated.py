@@ -106,6 +106,9 @@ def lay_tests(repository: Path) -> None:
     for file in ("__init__.py", "conftest.py"):
         shutil.copy2(ROOT / "tests" / file, repository / "tests")
     shutil.copy2(ROOT / "pyproject.toml", repository)
+    # One of them holds the report to its page.
+    (repository / "docs").mkdir()
+    shutil.copy2(ROOT / "docs" / "report.md", repository / "docs")
     # One of them loads the extension's cache of policies, which needs no Blender.
     shutil.copytree(ROOT / "addon", repository / "addon", ignore=shutil.ignore_patterns("__pycache__"))
 

@@ -3,6 +3,7 @@
 import math
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import oncue_core
@@ -35,7 +36,7 @@ def test_a_folder_becomes_a_library(mocap_folder):
     library, captures = oncue_core.build_library([str(mocap_folder)], MOCAP_ONLY).result()
     assert library.clip_count == 4, "two captures and their mirrored copies"
     assert 4 * 80 <= library.frame_count <= 4 * 91
-    files = {capture["file"].rsplit("/")[-1]: capture for capture in captures}
+    files = {Path(capture["file"]).name: capture for capture in captures}
     assert list(files) == ["brisk.bvh", "slow.bvh", "empty.bvh", "noise.bvh"]
     for name in ("empty.bvh", "noise.bvh"):
         assert files[name]["clip"] is None

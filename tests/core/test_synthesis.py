@@ -107,7 +107,7 @@ def test_the_report_is_plain_and_whole(synthesis, starter):
 
 
 def test_every_field_of_the_report_is_documented(synthesis):
-    page = (Path(__file__).parents[2] / "docs" / "report.md").read_text()
+    page = (Path(__file__).parents[2] / "docs" / "report.md").read_text(encoding="utf-8")
     fields = [*synthesis.report]
     for part in ("foot", "penetration", "speed"):
         fields += synthesis.report[part]
