@@ -394,8 +394,22 @@ def build_extension(session: nox.Session, wheels: list[Path]) -> list[Path]:
             (inside,) = (name for name in zipped.namelist() if name.endswith(".whl"))
             if digest(zipped.read(inside)) != digest(wheel.read_bytes()):
                 session.error(f"{inside} in {archive.name} is not the wheel that was built.")
+        validate_in_the_program(session, archive)
         archives.append(archive)
     return archives
+
+
+def validate_in_the_program(session: nox.Session, archive: Path) -> None:
+    """Has the real Blender look at an archive, where there is one: on the PATH, or in the Debian of `window`."""
+    validate = ["blender", "--command", "extension", "validate"]
+    debian = Path(of_the_window(archive)["ONCUE_WINDOW_ROOT"])
+    if shutil.which("blender"):
+        session.run(*validate, str(archive), external=True)
+    elif (debian / "usr" / "bin" / "blender").is_file() and os.geteuid() == 0:
+        inside = debian / "tmp" / archive.name
+        shutil.copy2(archive, inside)
+        session.run("chroot", str(debian), *validate, f"/tmp/{archive.name}", external=True)
+        inside.unlink()
 
 
 def of_the_window(archive: Path) -> dict[str, str]:
