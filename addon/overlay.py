@@ -16,10 +16,10 @@ from mathutils import Matrix, Vector
 
 from .bridge import user_preferences
 from .bridge.cue_objects import KINDS
-from .bridge.names import CUE_KEY
+from .bridge.names import CUE_KEY, HAND_KEY
 from .bridge.pins import read_pins
 from .bridge.session import current_action
-from .bridge.shown_cues import FEET, HANDS, PASS, played_cues, several_starts, visible_cues
+from .bridge.shown_cues import FEET, HANDS, PASS, PUT, TAKE, played_cues, several_starts, visible_cues
 
 Lines = list[tuple[Vector, Vector]]
 LINE_WIDTH = 2.0

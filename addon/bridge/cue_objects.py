@@ -40,6 +40,7 @@ from .shown_cues import (
     visible_cues,
     worked_on,
 )
+from .stand_finder import WITHIN_REACH, stand_before
 from .things import read_thing, thing_of
 from .what_counts import is_shown, things_of
 
@@ -327,6 +328,12 @@ def place_take(context: bpy.types.Context, hand: str, metres_per_unit: float) ->
     cue.parent, cue.matrix_parent_inverse = thing, thing.matrix_world.inverted_safe()
     cue.location = place + turn @ Vector(middle)
     context.view_layer.update()
+    try:
+        _stand_for(context, cue, metres_per_unit)
+    except SceneError:
+        bpy.data.objects.remove(cue)
+        raise
+    _select(context, cue)
     return cue
 
 
@@ -349,7 +356,43 @@ def place_put(context: bpy.types.Context, place, metres_per_unit: float) -> bpy.
     yaw = yaw_from_heading(math.atan2(forward.y, forward.x))
     cue = _place_thing(context, PUT, held[-1], place, yaw, metres_per_unit)
     cue[GIVEN_YAW_KEY] = yaw
+    try:
+        _stand_for(context, cue, metres_per_unit)
+    except SceneError:
+        bpy.data.objects.remove(cue)
+        raise
+    _select(context, cue)
     return cue
+
+
+def _stand_for(context: bpy.types.Context, cue: bpy.types.Object, metres_per_unit: float) -> None:
+    """Where no Sit or Stop cue before a Take or Put cue is within reach of it, has the person stop where one is.
+
+    Raises SceneError where nobody could stand.
+    """
+    before = [one for one in played_cues(context, worked_on(context)) if one != cue]
+    there = [one for one in before if one[CUE_KEY] in ENDS]
+    place, unit = cue.matrix_world.translation, 1.0 / metres_per_unit
+    if there and (there[-1].matrix_world.translation - place).xy.length <= WITHIN_REACH * unit:
+        return
+    starts = [worked_on(context)] if worked_on(context) else visible_cues(context, "start")
+    standing = [one for one in there if one[CUE_KEY] == "stop"] or starts
+    if not standing:
+        raise SceneError("Place the Start cue first: from there Oncue finds where to stand.")
+    floor = (starts or standing)[0].matrix_world.translation.z
+    come_from = (there or standing)[-1].matrix_world.translation.copy()
+    come_from.z = floor
+    found = stand_before(context, place, come_from, metres_per_unit)
+    if found is None:
+        raise SceneError(
+            f"Nobody can stand within reach of {cue.name}: place a Sit or Stop cue from which a hand gets there, and "
+            "press again."
+        )
+    spot, ahead = found
+    yaw = yaw_from_heading(math.atan2(ahead.y, ahead.x))
+    stop = place_cue(context, "stop", spot, yaw, metres_per_unit, then=True)
+    # It comes before what it is for.
+    number_steps([*before, stop, cue])
 
 
 def _place_thing(

@@ -197,8 +197,7 @@ def release(thing: bpy.types.Object) -> None:
 def play_things(take: bpy.types.Action | None, before: bpy.types.Action | None) -> None:
     """Has the things of a take be carried, and those of the take that was played before stand as they stood."""
     for action in carried_in(before) if before is not None else []:
-        for thing in _played_by(action):
-            release(thing)
+        release_all(action)
     for action in carried_in(take) if take is not None else []:
         thing = action.get(THING_KEY)
         if isinstance(thing, bpy.types.Object) and thing.is_editable:
@@ -208,15 +207,17 @@ def play_things(take: bpy.types.Action | None, before: bpy.types.Action | None) 
             compat.play_slot(thing)
 
 
-def _played_by(action: bpy.types.Action) -> list[bpy.types.Object]:
-    return [one for one in bpy.data.objects if one.animation_data is not None and one.animation_data.action == action]
+def release_all(action: bpy.types.Action) -> None:
+    """The same of every thing that plays these keys."""
+    for thing in bpy.data.objects:
+        if thing.animation_data is not None and thing.animation_data.action == action:
+            release(thing)
 
 
 def discard_things(take: bpy.types.Action) -> None:
     """Takes the keys of a take's things out of the file; they stand as they stood before."""
     for action in carried_in(take):
-        for thing in _played_by(action):
-            release(thing)
+        release_all(action)
         bpy.data.actions.remove(action)
 
 

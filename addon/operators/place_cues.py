@@ -249,7 +249,8 @@ It goes along with the selected object"""
 
 
 class ONCUE_OT_place_take(Button, bpy.types.Operator):
-    """Have the selected thing taken by a hand at the last Sit or Stop cue, and carried from then on"""
+    """Have the selected thing taken by a hand at the last Sit or Stop cue, and carried from then on. Where that is \
+out of reach, a Stop cue is placed before the thing"""
 
     bl_idname = "oncue.place_take"
     bl_label = "Take Thing"
@@ -271,7 +272,8 @@ class ONCUE_OT_place_take(Button, bpy.types.Operator):
 
 
 class ONCUE_OT_place_put(Button, bpy.types.Operator):
-    """Have what was taken last be put down on what lies under the 3D cursor, at the last Sit or Stop cue"""
+    """Have what was taken last be put down on what lies under the 3D cursor, at the last Sit or Stop cue. Where that \
+is out of reach, a Stop cue is placed before it"""
 
     bl_idname = "oncue.place_put"
     bl_label = "Put Down"

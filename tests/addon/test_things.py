@@ -63,8 +63,8 @@ def test_cues_of_things_are_read_in_their_order(oncue, room):
     assert "yaw" not in put[0]
     (thing,) = task["things"]
     assert thing["position"] == pytest.approx([1.62, -0.2, 0.80])
-    assert thing["low"] == pytest.approx([-0.04, -0.04, -0.05])
-    assert thing["high"] == pytest.approx([0.04, 0.04, 0.05])
+    assert thing["low"] == pytest.approx([-0.04, -0.04, -0.05], abs=1e-6)
+    assert thing["high"] == pytest.approx([0.04, 0.04, 0.05], abs=1e-6)
     # In centimetres it is the same, and the cup is in nobody's way.
     bpy.data.objects["Put Cup"].rotation_euler.z += 0.5
     bpy.context.view_layer.update()
@@ -75,7 +75,7 @@ def test_cues_of_things_are_read_in_their_order(oncue, room):
     room.rotation_euler.z = 0.7
     bpy.context.view_layer.update()
     (thing,) = read(oncue)["things"]
-    assert thing["high"] == pytest.approx([0.04, 0.04, 0.05])
+    assert thing["high"] == pytest.approx([0.04, 0.04, 0.05], abs=1e-6)
     assert thing["rotation"] == pytest.approx([math.cos(0.35), 0, 0, math.sin(0.35)], abs=1e-6)
 
 
@@ -181,3 +181,45 @@ def test_buttons_want_a_thing(room):
     with pytest.raises(RuntimeError, match="has no mesh to take hold of"):
         bpy.ops.oncue.place_take(hand="left")
     assert "Take Nothing" not in bpy.data.objects
+
+
+def test_where_to_stand_is_found(oncue, objects):
+    """Before the cup on the table and on this side of it, then before the shelf; where there is no room, a sentence."""
+    shown = oncue("bridge.shown_cues")
+    add_floor()
+    add_cube("Table", (1.85, -0.2, 0.375), (0.7, 1.6, 0.75))
+    add_cube("Shelf", (-2.6, 0.0, 0.5), (0.4, 1.0, 1.0))
+    cup = add_cube("Cup", (1.62, -0.2, 0.80), (0.08, 0.08, 0.10))
+    pick(cup)
+    with pytest.raises(RuntimeError, match="Place the Start cue first"):
+        bpy.ops.oncue.place_take(hand="right")
+    assert "Take Cup" not in bpy.data.objects
+    objects.make_cue(bpy.context, "start", (0.0, -1.5, 0), 2.5)
+    pick(cup)
+    assert bpy.ops.oncue.place_take(hand="right") == {"FINISHED"}
+    bpy.context.scene.cursor.location = (-2.5, 0.1, 1.2)
+    assert bpy.ops.oncue.place_put() == {"FINISHED"}
+    order = [cue.name for cue in shown.played_cues(bpy.context)]
+    assert order == ["Stop", "Take Cup", "Stop.001", "Put Cup"]
+    for name, thing in (("Stop", "Take Cup"), ("Stop.001", "Put Cup")):
+        stop, what = bpy.data.objects[name], bpy.data.objects[thing]
+        way = what.matrix_world.translation - stop.matrix_world.translation
+        assert 0.39 < way.xy.length < 0.63
+        assert stop.matrix_world.translation.z == pytest.approx(0.0, abs=1e-6)
+        ahead = objects.forward_of(stop.matrix_world)
+        assert ahead.xy.angle(way.xy) < 0.01
+        assert 1.5 - 0.24 > stop.location.x > -2.4 + 0.24
+    # Within reach of a stop no other is made.
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    report = oncue("bridge.session").report_of(current_action())
+    assert report["success"], report["problems"]
+    assert report["things"][0]["put_cm"] < 1
+    # Walls all around: nobody stands there.
+    bpy.data.objects.remove(bpy.data.objects["Put Cup"])
+    for x, y, sx, sy in ((1.0, -0.2, 0.1, 3.0), (1.6, 0.7, 1.4, 0.1), (1.6, -1.1, 1.4, 0.1), (2.3, -0.2, 0.1, 3.0)):
+        add_cube("Wall", (x, y, 1.0), (sx, sy, 2.0))
+    add_cube("Crate", (1.3, -0.2, 0.3), (0.4, 1.6, 0.6))
+    bpy.context.scene.cursor.location = (1.7, 0.1, 1.2)
+    with pytest.raises(RuntimeError, match="Nobody can stand within reach of Put Cup"):
+        bpy.ops.oncue.place_put()
+    assert "Put Cup" not in bpy.data.objects

@@ -403,14 +403,15 @@ impl Laying<'_> {
         held.pose_arms(&mut laid, carry, way, self.progress)?;
         let last = motion.len() - 1;
         let first = held.asks(&carry.take.name, carry.taken..=(carry.carried() + FADES).min(last));
-        self.reach(&first, &mut laid, grips, None)?;
+        let (mut within, _) = self.reach(&first, &mut laid, grips, None)?;
         if let Some(down) = &carry.down {
             let from = down.from.saturating_sub(FADES).max(carry.carried());
             let then = held.asks(&down.cue.name, from..=down.placed() + GRIPS - 1);
-            self.reach(&then, &mut laid, grips, None)?;
+            within.end = self.reach(&then, &mut laid, grips, None)?.0.end;
+        } else {
+            within.end = motion.len();
         }
         let own = (carry.take.hand, carry.held(motion.len()));
-        let within = own.1.clone();
         let all: Vec<Grip> = grips.iter().cloned().chain([own]).collect();
         free_arms_within(&mut laid, self.room(), &[], &all, within, self.progress)?;
         *motion = laid;
