@@ -9,7 +9,7 @@ use glam::{Quat, Vec2, Vec3};
 
 use super::things::{Box3, Placement};
 use crate::anatomy::body_capsules;
-use crate::body_solver::{DegreesOfFreedom, FADE_FRAMES, Span, Term, correct};
+use crate::body_solver::{DegreesOfFreedom, FADE_FRAMES, Span, Term, correct, is_supported};
 use crate::cue::{Hand, PutCue, TakeCue};
 use crate::editor::Constraint;
 use crate::error::{Error, Result};
@@ -47,6 +47,13 @@ const APART: f32 = 0.80;
 const SET_DOWN: f32 = 1.20;
 /// What is set down is turned in one hand and in two by no more than this, radians.
 const TURNS: [f32; 2] = [1.05, 0.61];
+/// Who reaches lower than this over the floor bends the knees: the pelvis sinks by so much of what is missing, up to so much, and goes back
+/// by so much of that. Metres and shares.
+const CROUCHES_BELOW: f32 = 0.80;
+const SINKS: f32 = 0.80;
+const CROUCHES: f32 = 0.42;
+const LEAST_CROUCH: f32 = 0.03;
+const BACK: f32 = 0.30;
 /// Who carries much before the belly leans back so far, radians, from a thing of the first size to one of the second, metres.
 const LEANS: f32 = 0.10;
 const LEANS_FOR: (f32, f32) = (0.25, 0.60);
@@ -285,6 +292,36 @@ impl Held {
             ..Constraint::positions(name, joint, *frames.start(), path(own))
         };
         self.hands().map(ask).collect()
+    }
+
+    /// Has the pelvis sink, and go back over the feet, of who stands and reaches low for it: rather knees that bend than a bow. `at`: the
+    /// frames on which the hands are there; so many frames before them it sets out, and is back after them.
+    pub(super) fn crouches(
+        &self,
+        motion: &Motion,
+        floor: f32,
+        at: RangeInclusive<usize>,
+        before: usize,
+        after: usize,
+    ) -> Option<Constraint> {
+        let low =
+            self.hands().map(|(.., own)| self.at(*at.start()).point(own).z).fold(f32::INFINITY, f32::min);
+        let sinks = (CROUCHES_BELOW - (low - floor)).clamp(0.0, CROUCHES / SINKS) * SINKS;
+        let there = motion.postures[*at.start()];
+        if sinks < LEAST_CROUCH || is_supported(&there.pose(), floor) {
+            return None;
+        }
+        let back = -there.planar().forward().extend(0.0) * BACK;
+        let first = at.start().saturating_sub(before);
+        let place = |frame: usize| {
+            let out = (frame as f32 - first as f32) / before as f32;
+            let home = (frame as f32 - *at.end() as f32) / after as f32;
+            let share = least_jerk(out) * (1.0 - least_jerk(home));
+            motion.postures[frame].root_position + (back - Vec3::Z) * sinks * share
+        };
+        let end = (at.end() + after).min(motion.len() - 1);
+        let path = (first..=end).map(place).collect();
+        Some(Constraint { soft: true, ..Constraint::positions("Knees", Joint::Hips, first, path) })
     }
 
     /// Gives a motion the arms, and the back, of who carries it, from when it is lifted until it stands again.

@@ -13,7 +13,7 @@ use std::time::Instant;
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-use carry::{Carry, Down, FADES, GRIPS, Held, Way};
+use carry::{Carry, Down, FADES, GRIPS, Held, LIFTS, Way};
 use things::Placement;
 
 use crate::cue::{Hand, ManipulationCue, Performance, PutCue, TakeCue, Thing, ThingCue};
@@ -403,11 +403,16 @@ impl Laying<'_> {
         held.pose_arms(&mut laid, carry, way, self.progress)?;
         let last = motion.len() - 1;
         let first = held.asks(&carry.take.name, carry.taken..=(carry.carried() + FADES).min(last));
-        let (mut within, _) = self.reach(&first, &mut laid, grips, None)?;
+        let blend = reach_frames(0.0, self.settings);
+        let takes = carry.taken..=carry.lifted();
+        let crouches = held.crouches(&laid, self.floor, takes, blend, LIFTS);
+        let (mut within, _) = self.reach(&joined(first, crouches), &mut laid, grips, None)?;
         if let Some(down) = &carry.down {
             let from = down.from.saturating_sub(FADES).max(carry.carried());
             let then = held.asks(&down.cue.name, from..=down.placed() + GRIPS - 1);
-            within.end = self.reach(&then, &mut laid, grips, None)?.0.end;
+            let puts = down.placed()..=down.placed() + GRIPS;
+            let crouches = held.crouches(&laid, self.floor, puts, LIFTS, blend);
+            within.end = self.reach(&joined(then, crouches), &mut laid, grips, None)?.0.end;
         } else {
             within.end = motion.len();
         }
@@ -466,7 +471,8 @@ impl Laying<'_> {
         let EditedMotion { motion: edited, mut figures } =
             edit_motion(motion, &wishes, manifold, self.settings, self.progress)?;
         let drawn = span.clone().map(|frame| {
-            let [before, after] = [&*motion, &edited].map(|motion| motion.postures[frame].root_position);
+            let place = |motion: &Motion| motion.postures[frame].root_position.truncate();
+            let [before, after] = [place(motion), place(&edited)];
             (before.distance(after), frame)
         });
         if let Some((by, frame)) = drawn.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|drawn| drawn.0 > DRAWN) {
@@ -479,4 +485,9 @@ impl Laying<'_> {
         figures.constraints.truncate(asked.len());
         Ok((span, figures.constraints))
     }
+}
+
+fn joined(mut asked: Vec<Constraint>, more: Option<Constraint>) -> Vec<Constraint> {
+    asked.extend(more);
+    asked
 }
