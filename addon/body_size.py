@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any
 
 #: Fields of a report that are lengths, speeds and times; accelerations, angles and shares are the same at any size.
-_LENGTH = re.compile(r"(_cm|_m|^place|^position|^feet|^path|^positions)$")
+_LENGTH = re.compile(r"(_cm|_m|^place|^position|^feet|^path|^positions|^grip|^low|^high)$")
 _SPEED = re.compile(r"_c?m_per_s$")
 _TIME = re.compile(r"(_s|^hold_seconds|^at_seconds|^at)$")
 #: Speeds that have no unit in their name.

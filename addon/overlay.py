@@ -16,10 +16,10 @@ from mathutils import Matrix, Vector
 
 from .bridge import user_preferences
 from .bridge.cue_objects import KINDS
-from .bridge.names import CUE_KEY
+from .bridge.names import CUE_KEY, HAND_KEY
 from .bridge.pins import read_pins
 from .bridge.session import current_action
-from .bridge.shown_cues import FEET, HANDS, PASS, played_cues, several_starts, visible_cues
+from .bridge.shown_cues import FEET, HANDS, PASS, PUT, TAKE, played_cues, several_starts, visible_cues
 
 Lines = list[tuple[Vector, Vector]]
 LINE_WIDTH = 2.0
@@ -120,6 +120,12 @@ def cue_lines(context: bpy.types.Context, cue: bpy.types.Object) -> Lines:
         lines = seated(floor if -1.2 < floor < -0.15 else -0.55)
     elif kind == PASS:
         lines = passed()
+    elif kind == TAKE:
+        lines = {"left": hand(0.0, LEFT), "right": hand(0.0, RIGHT)}.get(
+            cue.get(HAND_KEY), hand(0.08, LEFT) + hand(-0.08, RIGHT)
+        )
+    elif kind == PUT:
+        lines = diamond(0.05) + arrow(0.05, 0.12)
     else:
         lines = standing()
     return [(to_world @ a, to_world @ b) for a, b in lines]

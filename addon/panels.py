@@ -14,7 +14,7 @@ from .bridge.cue_objects import KINDS
 from .bridge.names import AT_FRAME_KEY, CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
 from .bridge.puppet import is_own_skeleton, who_acts
-from .bridge.shown_cues import ENDS, FEET, HANDS, PASS, end_cues, person_of, played_cues, visible_cues
+from .bridge.shown_cues import ENDS, FEET, HANDS, PASS, PUT, TAKE, end_cues, person_of, played_cues, visible_cues
 from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .foreign_captures import SUFFIXES as FOREIGN
 from .job_operator import handle
@@ -23,7 +23,14 @@ from .operators.synthesize import library_cache, unwritten
 from .pipeline import Progress
 from .sentences import told
 
-CUE_ICONS = {"start": "PLAY", "sit": "EMPTY_SINGLE_ARROW", "stop": "SNAP_FACE", PASS: "TRACKING_FORWARDS_SINGLE"}
+CUE_ICONS = {
+    "start": "PLAY",
+    "sit": "EMPTY_SINGLE_ARROW",
+    "stop": "SNAP_FACE",
+    PASS: "TRACKING_FORWARDS_SINGLE",
+    TAKE: "VIEW_PAN",
+    PUT: "IMPORT",
+}
 #: A list that is no longer is open at first; of a longer one so many lines are shown.
 SHORT_LIST, LONGEST_LIST = 12, 100
 #: Pixels that a character of the interface's font is wide, on average.
@@ -550,6 +557,11 @@ def _draw_limbs(column: bpy.types.UILayout) -> None:
     row.operator("oncue.place_hand", text="Left Hand").kind = "left_hand"
     row.operator("oncue.place_hand", text="Right Hand").kind = "right_hand"
     row.operator("oncue.place_hand", text="Both").kind = "both_hands"
+    column.separator()
+    row = column.row(align=True)
+    for hand, text in (("left", "Take Left"), ("right", "Take Right"), ("both", "Take Both")):
+        row.operator("oncue.place_take", text=text).hand = hand
+    column.operator("oncue.place_put")
 
 
 def _draw_manifold(column: bpy.types.UILayout, settings) -> None:

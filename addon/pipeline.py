@@ -101,8 +101,10 @@ def times_of(asked: Asked) -> list[float | None]:
 
 
 def hands_of(asked: Asked) -> list[core.ManipulationCue]:
-    """The hands' cues that are asked for; among several cues there are none."""
-    return [] if performance_of(asked) else task_of(asked).get("manipulations", [])
+    """The hands' cues that are asked for."""
+    several = performance_of(asked)
+    given = several["steps"] if several else [task_of(asked)]
+    return [hand for one in given for hand in one.get("manipulations", [])]
 
 
 @dataclass(frozen=True)

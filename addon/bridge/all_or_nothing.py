@@ -9,6 +9,7 @@ from contextlib import contextmanager
 import bpy
 
 from . import compat
+from .things import play_things, release_all
 
 #: Kinds of datablocks that a run makes, what uses others first.
 KINDS = ("objects", "meshes", "armatures", "actions", "collections", "materials")
@@ -28,6 +29,9 @@ def all_or_nothing(context: bpy.types.Context) -> Iterator[None]:
     except BaseException:
         settings.character = character
         _play(character, played)
+        for action in [one for one in bpy.data.actions if one.as_pointer() not in there["actions"]]:
+            release_all(action)
+        play_things(played[0] if played else None, None)
         if played and played[0]:
             played[0].use_fake_user = kept
         scene.frame_end, settings.shot_end, settings.fitted_end = numbers

@@ -19,22 +19,29 @@ from .names import (
     CUE_KEY,
     FIRST_FRAME_KEY,
     GIVEN_YAW_KEY,
+    HAND_KEY,
     HOLD_KEY,
     LAST_FRAME_KEY,
     PERSON_KEY,
     STEP_KEY,
+    THING_KEY,
     oncue_collection,
 )
 from .scene_time import may_move
 from .shown_cues import (
+    ENDS,
     PASS,
     PLAYED,
+    PUT,
+    TAKE,
     end_cues,
     played_cues,
     several_starts,
     visible_cues,
     worked_on,
 )
+from .stand_finder import WITHIN_REACH, stand_before
+from .things import read_thing, thing_of
 from .what_counts import is_shown, things_of
 
 #: Kind → name, empty's shape, its size in metres, its colour (sRGB with alpha, as viewports show it).
@@ -43,6 +50,8 @@ KINDS = {
     "sit": ("Sit", "SPHERE", 0.10, (0.95, 0.55, 0.15, 1.0)),
     "stop": ("Stop", "ARROWS", 0.25, (0.85, 0.25, 0.25, 1.0)),
     "pass": ("Pass", "PLAIN_AXES", 0.15, (0.90, 0.80, 0.20, 1.0)),
+    "take": ("Take", "SPHERE", 0.03, (0.95, 0.45, 0.70, 1.0)),
+    "put": ("Put", "CIRCLE", 0.10, (0.95, 0.45, 0.70, 1.0)),
     "left_foot": ("Left Foot", "CUBE", 0.04, (0.30, 0.60, 0.95, 1.0)),
     "right_foot": ("Right Foot", "CUBE", 0.04, (0.75, 0.45, 0.95, 1.0)),
     "left_hand": ("Left Hand", "SPHERE", 0.03, (0.30, 0.60, 0.95, 1.0)),
@@ -78,7 +87,7 @@ def make_cue(
     cue.color = color
     cue.show_in_front = True
     # Two feet and two hands lie side by side: their names tell them apart.
-    cue.show_name = kind not in ("start", *PLAYED)
+    cue.show_name = kind not in ("start", *ENDS, PASS)
     cue.rotation_euler = (0.0, 0.0, yaw)
     cue.location = position
     oncue_collection(context).objects.link(cue)
@@ -185,7 +194,7 @@ def _pass_comes(context: bpy.types.Context, played: list[bpy.types.Object]) -> i
     """Where in the order a new pass cue comes: after the active one if that is a pass, before it if the person stays
     there, else before the last.
     """
-    ends = [at for at, cue in enumerate(played) if cue[CUE_KEY] != PASS]
+    ends = [at for at, cue in enumerate(played) if cue[CUE_KEY] in ENDS]
     if context.active_object in played:
         at = played.index(context.active_object)
         return at if at in ends else at + 1
@@ -297,6 +306,107 @@ def _hold(context: bpy.types.Context) -> tuple[bpy.types.Object | None, Vector, 
         return active, active.matrix_world @ chosen[0].co, chosen[0].index
     held = active is not None and active.select_get() and not (active.get(CUE_KEY) or active.get(CHARACTER_KEY))
     return active if held else None, context.scene.cursor.location.copy(), None
+
+
+def place_take(context: bpy.types.Context, hand: str, metres_per_unit: float) -> bpy.types.Object:
+    """A cue that has the active object taken by a hand, after all cues that are there, at its middle; selects it.
+
+    Raises SceneError where no thing is selected, or it cannot be carried.
+    """
+    thing = context.active_object
+    if thing is None or not thing.select_get() or thing.get(CUE_KEY) or thing.get(CHARACTER_KEY):
+        raise SceneError("Select the thing that is to be taken, and press again.")
+    cue = _place_thing(context, TAKE, thing, thing.matrix_world.translation, 0.0, metres_per_unit)
+    cue[HAND_KEY] = hand
+    try:
+        box = read_thing(cue, thing, None, 1.0)
+    except SceneError:
+        bpy.data.objects.remove(cue)
+        raise
+    middle = [0.5 * (low + high) for low, high in zip(box["low"], box["high"], strict=True)]
+    place, turn, _ = thing.matrix_world.decompose()
+    cue.parent, cue.matrix_parent_inverse = thing, thing.matrix_world.inverted_safe()
+    cue.location = place + turn @ Vector(middle)
+    context.view_layer.update()
+    try:
+        _stand_for(context, cue, metres_per_unit)
+    except SceneError:
+        bpy.data.objects.remove(cue)
+        raise
+    _select(context, cue)
+    return cue
+
+
+def place_put(context: bpy.types.Context, place, metres_per_unit: float) -> bpy.types.Object:
+    """A cue that has the thing that was taken last put down at `place`, after all cues that are there; selects it.
+
+    Raises SceneError where none is in a hand by then.
+    """
+    held: list[bpy.types.Object] = []
+    for cue in played_cues(context, worked_on(context)):
+        if cue[CUE_KEY] == TAKE:
+            held.append(thing_of(cue))
+        elif cue[CUE_KEY] == PUT and thing_of(cue) in held:
+            held.remove(thing_of(cue))
+    if not held:
+        raise SceneError(
+            "Nothing is in a hand by then that could be put down: select a thing, and have it taken first."
+        )
+    forward = forward_of(held[-1].matrix_world)
+    yaw = yaw_from_heading(math.atan2(forward.y, forward.x))
+    cue = _place_thing(context, PUT, held[-1], place, yaw, metres_per_unit)
+    cue[GIVEN_YAW_KEY] = yaw
+    try:
+        _stand_for(context, cue, metres_per_unit)
+    except SceneError:
+        bpy.data.objects.remove(cue)
+        raise
+    _select(context, cue)
+    return cue
+
+
+def _stand_for(context: bpy.types.Context, cue: bpy.types.Object, metres_per_unit: float) -> None:
+    """Where no Sit or Stop cue before a Take or Put cue is within reach of it, has the person stop where one is.
+
+    Raises SceneError where nobody could stand.
+    """
+    before = [one for one in played_cues(context, worked_on(context)) if one != cue]
+    there = [one for one in before if one[CUE_KEY] in ENDS]
+    place, unit = cue.matrix_world.translation, 1.0 / metres_per_unit
+    if there and (there[-1].matrix_world.translation - place).xy.length <= WITHIN_REACH * unit:
+        return
+    starts = [worked_on(context)] if worked_on(context) else visible_cues(context, "start")
+    standing = [one for one in there if one[CUE_KEY] == "stop"] or starts
+    if not standing:
+        raise SceneError("Place the Start cue first: from there Oncue finds where to stand.")
+    floor = (starts or standing)[0].matrix_world.translation.z
+    come_from = (there or standing)[-1].matrix_world.translation.copy()
+    come_from.z = floor
+    found = stand_before(context, place, come_from, metres_per_unit)
+    if found is None:
+        raise SceneError(
+            f"Nobody can stand within reach of {cue.name}: place a Sit or Stop cue from which a hand gets there, and "
+            "press again."
+        )
+    spot, ahead = found
+    yaw = yaw_from_heading(math.atan2(ahead.y, ahead.x))
+    stop = place_cue(context, "stop", spot, yaw, metres_per_unit, then=True)
+    # It comes before what it is for.
+    number_steps([*before, stop, cue])
+
+
+def _place_thing(
+    context: bpy.types.Context, kind: str, thing: bpy.types.Object, place, yaw: float, metres_per_unit: float
+) -> bpy.types.Object:
+    person = worked_on(context)
+    played = played_cues(context, person)
+    number_steps(played)
+    cue = make_cue(context, kind, place, yaw, name=f"{KINDS[kind][0]} {thing.name}", metres_per_unit=metres_per_unit)
+    cue[THING_KEY], cue[STEP_KEY] = thing, len(played) + 1
+    if person is not None:
+        cue[PERSON_KEY] = person
+    _select(context, cue)
+    return cue
 
 
 def animated_range(thing: bpy.types.Object | None) -> tuple[int, int] | None:

@@ -11,7 +11,8 @@ from ..errors import SceneError
 from .cue_objects import forward_of
 from .names import AT_FRAME_KEY, CUE_KEY, HOLD_KEY
 from .scene_time import current_frame_kept, frame_rate, may_move, moving
-from .shown_cues import FEET, PASS, PLAYED, end_cues, person_of, played_cues, visible_cues
+from .shown_cues import FEET, PASS, PLAYED, TAKE, THINGS, end_cues, person_of, played_cues, visible_cues
+from .things import read_put, read_take, read_thing, thing_of
 
 #: Longer nobody stays, seconds.
 LONGEST_HOLD = 600.0
@@ -52,11 +53,15 @@ def read_task(
     begins = {"name": start.name, **_placement(start, depsgraph, metres_per_unit)}
     steps: list[dict] = []
     passes: list[dict] = []
+    things: dict[str, dict] = {}
     alone = len(ends) == 1 and not several
     times = _times_of(context, ends)
     for cue in played_cues(context, start):
         if cue[CUE_KEY] == PASS:
             passes.append({"name": cue.name, "position": _position(cue, depsgraph, metres_per_unit)})
+            continue
+        if cue[CUE_KEY] in THINGS:
+            _read_thing(cue, depsgraph, metres_per_unit, steps, things)
             continue
         asked = {
             "name": cue.name,
@@ -73,9 +78,28 @@ def read_task(
             f"{passes[-1]['name']} is a Pass cue that nothing follows: place a Sit or Stop cue after it, or move it up "
             "in the list."
         )
+    if things:
+        return {"start": begins, "steps": steps, "things": list(things.values())}
     if len(steps) == 1 and not several and not times:
         return {"start": begins, **{name: part for name, part in steps[0].items() if name != "hold_seconds"}}
     return {"start": begins, "steps": steps}
+
+
+def _read_thing(cue: bpy.types.Object, depsgraph, metres_per_unit: float, steps: list[dict], things: dict) -> None:
+    """Has a thing be taken or put down at the last of the steps; `things` has each that is by its name."""
+    if not steps:
+        raise SceneError(
+            f"{cue.name} comes before any Sit or Stop cue, and things are taken and put down where the person stays: "
+            "place a Stop cue before it, or move it down in the list."
+        )
+    thing = thing_of(cue)
+    if cue[CUE_KEY] == TAKE:
+        if thing.name not in things:
+            things[thing.name] = read_thing(cue, thing, depsgraph, metres_per_unit)
+        read = read_take(cue, thing, depsgraph, metres_per_unit)
+    else:
+        read = read_put(cue, thing, _placement(cue, depsgraph, metres_per_unit))
+    steps[-1].setdefault("things", []).append(read)
 
 
 def hold_seconds(context: bpy.types.Context) -> float | None:
@@ -152,7 +176,9 @@ def at_first_frame(
             scene.frame_set(first_frame)
             task = read_task(context, metres_per_unit, start=start)
     said = "{} is animated: it was read as it stands at frame {}, where the motion begins."
-    return task, [(cue.name, said.format(cue.name, first_frame)) for cue in moved]
+    # What is taken is carried by the take that plays, and its cue with it.
+    own = [cue for cue in moved if cue[CUE_KEY] != TAKE]
+    return task, [(cue.name, said.format(cue.name, first_frame)) for cue in own]
 
 
 def check_nobodys(context: bpy.types.Context) -> None:

@@ -64,6 +64,15 @@ def read_manipulations(
     return manipulations
 
 
+def give_hands(task: dict, manipulations: list[dict]) -> None:
+    """Puts hands' cues into a task: among several cues each is followed at the one that its path begins nearest to."""
+    for hand in manipulations:
+        x, y, _ = hand["path"][0]
+        beside = [(math.dist(step["cue"]["position"][:2], (x, y)), step) for step in task.get("steps", [])]
+        one = min(beside, key=lambda found: found[0])[1] if beside else task
+        one.setdefault("manipulations", []).append(hand)
+
+
 def core_frames(scene: bpy.types.Scene, cue: bpy.types.Object, start_frame: int, rate: float | None = None) -> range:
     """The frames of the core that a hand cue's range needs: between them lies every frame of the range.
 

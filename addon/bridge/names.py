@@ -13,14 +13,20 @@ FIRST_FRAME_KEY, LAST_FRAME_KEY = "oncue_first_frame", "oncue_last_frame"
 HOLD_KEY = "oncue_hold_seconds"
 #: On a sit or stop cue: the frame of the scene on which it is to be reached; without it that is when it comes to it.
 AT_FRAME_KEY = "oncue_at_frame"
-#: On a sit, stop or pass cue: its place in the order in which several are played, from 1; those without come last, by
-#: name.
+#: On a take or put cue: the thing (the object) that is taken or put down; on the action that has it carried: the same.
+THING_KEY = "oncue_thing"
+#: On a take cue: which hand takes it, "left", "right" or "both".
+HAND_KEY = "oncue_hand"
+#: On an action that has a thing carried: the take that it belongs to, and the object's own matrix before, 16 numbers.
+CARRIED_IN_KEY, REST_KEY = "oncue_carried_in", "oncue_rest"
+#: On a sit, stop, pass, take or put cue: its place in the order in which several are played, from 1; those
+#: without come last, by name.
 STEP_KEY = "oncue_step"
 #: On a sit, stop or pass cue: the start (the object) of the person who plays it; needed where several people start.
 PERSON_KEY = "oncue_person"
 #: On a start cue: the armature of the person who starts there; needed where several people start.
 ACTS_KEY = "oncue_acts"
-#: On a start cue: the yaw that its button gave it, radians; one that the artist has turned since stays as it is.
+#: On a start or put cue: the yaw that its button gave it, radians; one that the artist has turned since stays as it is.
 GIVEN_YAW_KEY = "oncue_given_yaw"
 #: On the armature and the meshes of a character: no part of the scene where it is the one that is moved, and in the way
 #: as another person where it is not. A mesh that carries it without an armature is no obstacle.

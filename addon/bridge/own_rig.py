@@ -180,7 +180,8 @@ def holds_of_action(action: bpy.types.Action, size: float) -> tuple[Hold, ...]:
 def holds_of(task: dict | None, size: float) -> tuple[Hold, ...]:
     """When which hand holds something, seconds of the scene from the motion's begin; of a task as the core has it."""
     found = []
-    for hand in (task or {}).get("manipulations") or []:
+    task = task or {}
+    for hand in [hand for one in [task, *task.get("steps", [])] for hand in one.get("manipulations") or []]:
         first = hand.get("first_frame")
         if first is not None:
             begin = first / 30.0 * clock(size)

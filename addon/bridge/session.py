@@ -37,16 +37,17 @@ from . import armature, character_reset, compat, file_state, own_rig, own_seats,
 from .action_writer import fit_end, write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
 from .cue_reader import at_first_frame, check_nobodys, hold_seconds, read_task
-from .hand_reader import core_frames, read_manipulations
+from .hand_reader import core_frames, give_hands, read_manipulations
 from .moving_reader import read_moving, taken_as_it_stands
 from .names import ACTS_KEY, CHARACTER_KEY, LIVE_KEY, REPORT_KEY, TAKE_OF_KEY
 from .puppet import Puppet, is_own_skeleton, puppet_of
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
 from .second_blender import second_blender
-from .shown_cues import FEET, HANDS, PLAYED, visible_cues
+from .shown_cues import ENDS, FEET, HANDS, PASS, visible_cues
 from .solved import keep_solved, solved_take
 from .take import Take
+from .things import play_things, write_things
 from .what_counts import things_of
 
 #: A place that is no farther from a triangle lies on it, metres.
@@ -124,20 +125,8 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         notes = [*notes, *said]
     else:
         notes = taken_as_it_stands(context, meshes)
-    if manipulations and "steps" in task:
-        names = ", ".join(hand["name"] for hand in manipulations)
-        if len(task["steps"]) == 1:
-            timed = cues_of(task)[0]["name"]
-            raise SceneError(
-                f"Hands follow their cues ({names}) on frames of their own, and {timed} has one too: take that off, or "
-                "hide the hand cues."
-            )
-        raise SceneError(
-            f"Hands follow their cues ({names}) with one Sit or Stop cue only, and there are {len(task['steps'])}: "
-            "hide the hand cues, or all Sit and Stop cues but one."
-        )
     if manipulations:
-        task["manipulations"] = manipulations
+        give_hands(task, manipulations)
     request = Request(
         positions,
         triangles,
@@ -191,6 +180,11 @@ def read_shot(context: bpy.types.Context) -> tuple[list[Request], list[tuple[str
             f"{len(found)} do: hide the hand cues, or all Start cues but one."
         )
     tasks = [read_task(context, scale, start=person.start) for person in found]
+    if taken := [thing["name"] for task in tasks for thing in task.get("things", [])]:
+        raise SceneError(
+            f"Things are taken ({', '.join(taken)}) where one person starts, and {len(found)} do: hide the Take and "
+            "Put cues, or all Start cues but one."
+        )
     library = library_choice(context.scene)
     characters = tuple(person.character for person in found if person.character is not None)
     meshes = read_scene(
@@ -258,6 +252,11 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
 
 def _one_cue(task: dict) -> dict:
     """A task that cues can be followed for. Raises SceneError for several, for times and for waypoints."""
+    if things := task.get("things"):
+        raise SceneError(
+            f"Follow Cues has nothing taken, and {things[0]['name']} is: hide the Take and Put cues, or press "
+            "Synthesize."
+        )
     if "steps" in task and len(task["steps"]) == 1:
         timed = cues_of(task)[0]["name"]
         raise SceneError(
@@ -511,6 +510,7 @@ def write_outcome(
         context.view_layer.update()
         stands = root_motion.stand_of(character)
         space = puppet.space(stands, own_rig.holds_of(request.task, request.size))
+        played = action_of(character)
         floor = float(request.task["start"]["position"][2]) / puppet.metres_per_unit
         root = root_motion.root_motion_of(puppet, settings.root_motion, floor, stands)
         action = write_action(
@@ -532,6 +532,16 @@ def write_outcome(
             _have_controls_followed(context, puppet, space, motion, begins)
         action[TAKE_OF_KEY] = character
         mark_cues(action, report_of(action), request.scene_rate)
+        play_things(None, played)
+        write_things(
+            context,
+            action,
+            getattr(synthesis, "things", []),
+            len(motion),
+            motion.frame_rate,
+            begins,
+            puppet.metres_per_unit,
+        )
         written = action if few else None
         kept = {"few": written, "space": space if root is None else root.carried, "matrix_world": stands}
         solved = solved_take(scene, character, puppet.bones, motion, contacts, **kept, **placed)
@@ -795,7 +805,7 @@ def belongs_to_cues(context: bpy.types.Context, report: dict) -> bool:
         now = read_task(context, settings.scene_scale, as_drawn=True, start=start)
     except SceneError:
         return False
-    animated = any(may_move(cue) for cue in visible_cues(context, "start", *PLAYED, *FEET))
+    animated = any(may_move(cue) for cue in visible_cues(context, "start", *ENDS, PASS, *FEET))
     here = animated or _are_same_cues(now, made_for)
     # Hands are no part of what is made while the cues are followed.
     live = LIVE_KEY in (current_action(context.scene) or {})
@@ -805,7 +815,7 @@ def belongs_to_cues(context: bpy.types.Context, report: dict) -> bool:
 def _are_same_hands(context: bpy.types.Context, report: dict) -> bool:
     """Whether the hand cues of a report are there, at their frames, and those that do not move at their places."""
     scene, scale = context.scene, context.scene.oncue.scene_scale
-    made_for = {hand["name"]: hand for hand in report["task"].get("manipulations", [])}
+    made_for = {hand["name"]: hand for hand in hands_of(report["task"])}
     cues = visible_cues(context, *HANDS)
     if {cue.name for cue in cues} != set(made_for):
         return False
@@ -833,13 +843,27 @@ def _are_same_cues(now: dict, before: dict) -> bool:
         return False
     holds = [[step.get("hold_seconds") for step in asked.get("steps", [])] for asked in (now, before)]
     places = [[[cue.get("position") for cue in passes] for passes in passes_of(asked)] for asked in (now, before)]
-    if times_of(now) != times_of(before):
+    if times_of(now) != times_of(before) or not _are_same_things(now, before):
         return False
     if holds[0] != holds[1] or [len(part) for part in places[0]] != [len(part) for part in places[1]]:
         return False
     passed = zip(*([place for part in parts for place in part] for parts in places), strict=True)
     same_passes = all(np.allclose(one, other, atol=SAME_PLACE) for one, other in passed)
     return same_passes and all(_is_same_cue(one, other) for one, other in pairs)
+
+
+def _are_same_things(now: dict, before: dict) -> bool:
+    """Whether the same is taken by the same hands and put down at the same places; where it stood at first aside."""
+
+    def asked(task: dict) -> list[tuple]:
+        things = [(at, cue) for at, step in enumerate(task.get("steps", [])) for cue in step.get("things", [])]
+        return [(at, cue["does"], cue["thing"], cue.get("hand"), "yaw" in cue) for at, cue in things]
+
+    def places(task: dict) -> list[float]:
+        things = [cue for step in task.get("steps", []) for cue in step.get("things", [])]
+        return [c for cue in things for c in (*(cue.get("grip") or cue["position"]), cue.get("yaw", 0.0))]
+
+    return asked(now) == asked(before) and np.allclose(places(now), places(before), atol=SAME_PLACE)
 
 
 def _is_same_cue(now: dict, before: object) -> bool:

@@ -12,8 +12,10 @@ from .what_counts import is_shown, things_of
 
 ENDS = ("sit", "stop")
 PASS = "pass"
+#: What is done with a thing at the last sit or stop cue before it.
+THINGS = TAKE, PUT = ("take", "put")
 #: What has a place in the order.
-PLAYED = (*ENDS, PASS)
+PLAYED = (*ENDS, PASS, *THINGS)
 FEET = ("left_foot", "right_foot")
 HANDS = ("left_hand", "right_hand", "both_hands")
 
@@ -27,7 +29,7 @@ def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Obje
 
 
 def played_cues(context: bpy.types.Context, start: bpy.types.Object | None = None) -> list[bpy.types.Object]:
-    """The visible sit, stop and pass cues in the order in which they are played: by their numbers, then by name.
+    """The visible sit, stop, pass, take and put cues as they are played: by their numbers, then by name.
 
     Those of the person who starts at `start`; else all but those of people whose start is hidden: these wait with it.
     """
@@ -39,7 +41,7 @@ def played_cues(context: bpy.types.Context, start: bpy.types.Object | None = Non
 
 def end_cues(context: bpy.types.Context, start: bpy.types.Object | None = None) -> list[bpy.types.Object]:
     """Those of them at which the person stays: the sit and stop cues."""
-    return [cue for cue in played_cues(context, start) if cue[CUE_KEY] != PASS]
+    return [cue for cue in played_cues(context, start) if cue[CUE_KEY] in ENDS]
 
 
 def person_of(

@@ -12,6 +12,7 @@ from . import compat
 from .bones import keyed_channels, put_to_rest
 from .names import REPORT_KEY, TAKE_OF_KEY
 from .root_motion import stand_of
+from .things import copy_things, discard_things, play_things
 
 #: A strip of the NLA lies on a track of this name.
 TRACK = "Oncue"
@@ -52,10 +53,12 @@ def play_take(character: bpy.types.Object, action: bpy.types.Action | None) -> N
             f"{character.name} has a strip open in tweak mode, in which it takes no other action: leave it (Tab in the "
             "NLA editor)."
         )
-    before, stood = keyed_channels(character), stand_of(character)
+    before, stood, played = keyed_channels(character), stand_of(character), data.action
     if data.action is not None:
         data.action.use_fake_user = True
     data.action = action
+    if played != action:
+        play_things(action, played)
     # Where the one before moved it along it stands again as it stood.
     if (stood != np.array(character.matrix_world)).any():
         character.matrix_world = Matrix(stood)
@@ -87,6 +90,7 @@ def discard_take(character: bpy.types.Object, action: bpy.types.Action) -> None:
         others = [take for take in takes if take != action]
         before = takes.index(action) - 1
         play_take(character, others[max(before, 0)] if others else None)
+    discard_things(action)
     bpy.data.actions.remove(action)
 
 
@@ -94,6 +98,7 @@ def copy_take(character: bpy.types.Object, action: bpy.types.Action) -> bpy.type
     """A copy of a take to work on, which the character plays."""
     copy = action.copy()
     copy.use_fake_user = True
+    copy_things(action, copy)
     play_take(character, copy)
     return copy
 
@@ -113,6 +118,8 @@ def push_take(character: bpy.types.Object, action: bpy.types.Action) -> bpy.type
         track = data.nla_tracks.new()
         track.name = TRACK
     play_take(character, None)
+    # What is carried is keyed on the scene's own frames, where the strip lies.
+    play_things(action, None)
     strip = track.strips.new(action.name, begins, action)
     if slot is not None:
         strip.action_slot = slot

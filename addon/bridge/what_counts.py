@@ -8,7 +8,7 @@ from mathutils import Vector
 
 from .. import native
 from .armature import find_character
-from .names import CHARACTER_KEY, CUE_KEY, EXCLUDE_KEY
+from .names import CHARACTER_KEY, CUE_KEY, EXCLUDE_KEY, THING_KEY
 
 #: Constraints that hang an object on their target, as a parent does.
 HANGING = {"CHILD_OF", "ARMATURE", "COPY_TRANSFORMS", "COPY_LOCATION", "PIVOT"}
@@ -56,6 +56,8 @@ class Furniture:
         if not native.MISSING:
             self._own = find_character(context.scene, native.core.skeleton()) or self._own
         self._moved = {self._own, *cast} - {None}
+        #: What hands take is in nobody's way.
+        self._taken = set(_taken(context.view_layer))
         self._shown: dict[bpy.types.Object, bool] = {}
         #: Object → the persons whose it is. What is being found out counts as nobody's, so that circles end.
         self._persons: dict[bpy.types.Object, frozenset[bpy.types.Object]] = {}
@@ -79,9 +81,11 @@ class Furniture:
         return min(names, default=None)
 
     def is_left_out(self, thing: bpy.types.Object) -> bool:
-        """Whether the character may walk through it: itself and its own, cues, outlines, and what the artist says."""
+        """Whether the character may walk through it: itself and its own, cues, outlines, what hands take, and what the
+        artist says."""
         return (
             thing in self._left_out
+            or thing in self._taken
             or thing.get(CUE_KEY) is not None
             or bool(thing.get(EXCLUDE_KEY))
             or thing.display_type in OUTLINES
@@ -106,6 +110,13 @@ class Furniture:
                     known = frozenset([thing])
             self._persons[thing] = known
         return known
+
+
+def _taken(view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
+    """What the visible Take cues have taken, with all that hangs on it."""
+    cues = [one for one in things_of(view_layer) if one.get(CUE_KEY) == "take" and is_shown(one, view_layer)]
+    taken = [thing for cue in cues if isinstance(thing := cue.get(THING_KEY), bpy.types.Object)]
+    return [one for thing in taken for one in [thing, *thing.children_recursive]]
 
 
 def carriers(thing: bpy.types.Object) -> list[bpy.types.Object]:

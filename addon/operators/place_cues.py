@@ -73,7 +73,7 @@ class ONCUE_OT_move_step(Button, bpy.types.Operator):
     bl_label = "Move in the Order"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    cue: StringProperty(name="Cue", description="The Sit, Stop or Pass cue", options={"SKIP_SAVE"})
+    cue: StringProperty(name="Cue", description="The cue in the list", options={"SKIP_SAVE"})
     by: IntProperty(name="By", description="So many places later", default=1, options={"SKIP_SAVE"})
 
     def act(self, context: bpy.types.Context) -> None:
@@ -82,7 +82,7 @@ class ONCUE_OT_move_step(Button, bpy.types.Operator):
         played = played_cues(context, person)
         at = next((at for at, cue in enumerate(played) if cue.name == self.cue), None)
         if at is None:
-            raise SceneError(f"There is no Sit, Stop or Pass cue {self.cue} any more.")
+            raise SceneError(f"There is no cue {self.cue} any more.")
         moved = played.pop(at)
         played.insert(min(max(at + self.by, 0), len(played)), moved)
         cue_objects.number_steps(played)
@@ -248,11 +248,47 @@ It goes along with the selected object"""
         return found or (now, now + round(seconds * hand_reader.frame_rate(context.scene)))
 
 
+class ONCUE_OT_place_take(Button, bpy.types.Operator):
+    """Have the selected thing taken by a hand at the last Sit or Stop cue, and carried from then on. Where that is \
+out of reach, a Stop cue is placed before the thing"""
+
+    bl_idname = "oncue.place_take"
+    bl_label = "Take Thing"
+
+    hand: EnumProperty(
+        name="Hand",
+        description="Which hand takes it",
+        items=[
+            ("left", "Left", "The person's own left"),
+            ("right", "Right", "The person's own right"),
+            ("both", "Both", "One on each side, as a box or a tray is carried"),
+        ],
+        default="right",
+        options={"SKIP_SAVE"},
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        cue_objects.place_take(context, self.hand, context.scene.oncue.scene_scale)
+
+
+class ONCUE_OT_place_put(Button, bpy.types.Operator):
+    """Have what was taken last be put down on what lies under the 3D cursor, at the last Sit or Stop cue. Where that \
+is out of reach, a Stop cue is placed before it"""
+
+    bl_idname = "oncue.place_put"
+    bl_label = "Put Down"
+
+    def act(self, context: bpy.types.Context) -> None:
+        scale = context.scene.oncue.scene_scale
+        place = seat_finder.surface_below(context, context.scene.cursor.location, scale)
+        cue_objects.place_put(context, place, scale)
+
+
 CLASSES = (
     *(ONCUE_OT_move_step, ONCUE_OT_select_cue, ONCUE_OT_be_here),
     *(ONCUE_OT_add_person, ONCUE_OT_give_to_person, ONCUE_OT_choose_person, ONCUE_OT_act_by),
     *(ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_move_to_edge),
-    *(ONCUE_OT_place_foot, ONCUE_OT_place_hand),
+    *(ONCUE_OT_place_foot, ONCUE_OT_place_hand, ONCUE_OT_place_take, ONCUE_OT_place_put),
 )
 
 

@@ -7,6 +7,7 @@ from mathutils import Quaternion
 
 from .runs import current_action, datablocks
 from .shapes import add_cube, add_floor
+from .test_character import evaluated_palm
 
 
 @pytest.fixture
@@ -370,3 +371,30 @@ def test_the_button_has_the_person_be_there_on_the_frame(oncue, core, room):
     with pytest.raises(RuntimeError, match=r"‘Aside’ cannot be reached by frame 20: .* before frame \d+"):
         bpy.ops.oncue.synthesize()
     assert datablocks() == before
+
+
+def test_a_hand_is_led_at_the_cue_that_it_is_nearest_to(oncue, room):
+    """The seams hold, the hand is on its path on its frames of the scene, and the person stays for it."""
+    session, scene = oncue("bridge.session"), bpy.context.scene
+    place_hand = oncue("bridge.cue_objects").place_hand
+    for other in bpy.context.view_layer.objects:
+        other.select_set(False)
+    scene.cursor.location = (-1.05, -1.45, 1.1)
+    cue = place_hand(bpy.context, "left_hand", 600, 630, 1.0)
+    request, _ = session.read_request(bpy.context)
+    assert [len(step.get("manipulations", [])) for step in request.task["steps"]] == [0, 1]
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    report = session.report_of(current_action())
+    assert report["success"], report["problems"]
+    (held,) = report["edited"]["constraints"]
+    assert held["name"] == "Left Hand"
+    assert held["met"]
+    misses = [
+        (evaluated_palm(scene.oncue.character, "Left", frame) - cue.matrix_world.translation).length
+        for frame in range(600, 631)
+    ]
+    assert max(misses) < 0.01
+    assert current_action().name.startswith("Sit on Bench and 1 more with Left Hand")
+    assert session.belongs_to_cues(bpy.context, report)
+    cue["oncue_last_frame"] = 640
+    assert not session.belongs_to_cues(bpy.context, report)

@@ -109,3 +109,40 @@ def test_what_makes_no_performance_is_told(bench_scene, library):
         oncue_core.perform(bench_scene, library, nowhere).result()
     with pytest.raises(InputError, match="unknown field"):
         oncue_core.perform(bench_scene, library, {**up_and_away(), "cue": {}})
+
+
+def test_a_thing_is_taken_and_put_down(bench_scene, library):
+    """Of a hook before the stop, and a hand's breadth to the side."""
+    task = up_and_away()
+    cup = {"name": "Cup", "position": [-0.9, -1.65, 0.9], "rotation": [1.0, 0.0, 0.0, 0.0]}
+    task["things"] = [{**cup, "low": [-0.04, -0.04, 0.0], "high": [0.04, 0.04, 0.1]}]
+    take = {"does": "take", "name": "Take", "thing": "Cup", "hand": "right", "grip": [0.0, 0.0, 0.07]}
+    put = {"does": "put", "name": "Put", "thing": "Cup", "position": [-1.0, -1.6, 0.95]}
+    task["steps"][1]["things"] = [take, put]
+    performed = oncue_core.perform(bench_scene, library, task, seed=2).result()
+    report = performed.report
+    assert report["success"], report["problems"]
+    assert not list(faults(report, Report))
+    (told,), (thing,) = report["things"], performed.things
+    assert (thing["name"], thing["first_frame"]) == ("Cup", told["taken"])
+    frames = told["placed"] - told["taken"] + 1
+    assert thing["positions"].shape == (frames, 3)
+    assert thing["rotations"].shape == (frames, 4)
+    assert thing["positions"].dtype == np.float32
+    assert np.allclose(thing["positions"][0], cup["position"], atol=1e-4)
+    assert np.linalg.norm(thing["positions"][-1] - put["position"]) < 0.01
+    assert told["put_cm"] < 1
+    # Without them nothing is taken, and the step is the same.
+    free = oncue_core.perform(bench_scene, library, up_and_away(), seed=2, earlier=performed).result()
+    assert free.things == []
+    assert "things" not in free.report
+    met = report["steps"][1]["complete"]
+    assert met == free.report["steps"][1]["complete"]
+    assert np.array_equal(free.rotations[: met - 10], performed.rotations[: met - 10])
+    wrong = {**task, "steps": [task["steps"][0], {**task["steps"][1], "things": [put]}]}
+    with pytest.raises(InputError, match=r"‘Put’ has ‘.*’ put ‘Cup’ down, which is in no hand by then"):
+        oncue_core.perform(bench_scene, library, wrong).result()
+    with pytest.raises(InputError, match="unknown field"):
+        oncue_core.perform(
+            bench_scene, library, {**task, "things": [{**cup, "low": [0] * 3, "high": [1] * 3, "kg": 1}]}
+        )

@@ -13,6 +13,7 @@ from .types import (
     ActionCue,
     BodyFigures,
     Capture,
+    CarriedThing,
     Clip,
     Constraint,
     EditFigures,
@@ -377,6 +378,9 @@ class Performed:
     @property
     def report(self) -> Report:
         """What the run tells about itself; docs/report.md describes it."""
+    @property
+    def things(self) -> list[CarriedThing]:
+        """The things that were taken, in the order in which they were."""
 
 def perform(
     scene: SceneIndex,

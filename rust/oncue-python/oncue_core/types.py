@@ -59,12 +59,78 @@ class Task(TypedDict):
     manipulations: NotRequired[list[ManipulationCue]]
 
 
+class Thing(TypedDict):
+    """A thing that hands can take: where it stands at first, and its box in its own frame, metres.
+
+    `rotation`: w first.
+    """
+
+    name: str
+    position: Point | list[float]
+    rotation: tuple[float, float, float, float] | list[float]
+    low: Point | list[float]
+    high: Point | list[float]
+
+
+class TakeCue(TypedDict):
+    """To take a thing. `grip`: in its frame, metres; palms come to the faces of its box to either side of it."""
+
+    does: Literal["take"]
+    name: str
+    thing: str
+    hand: Literal["left", "right", "both"]
+    grip: Point | list[float]
+
+
+class PutCue(TypedDict):
+    """To put a thing down. `position`: where the middle of what it stands on comes to lie. `yaw`: of its -Y axis."""
+
+    does: Literal["put"]
+    name: str
+    thing: str
+    position: Point | list[float]
+    yaw: NotRequired[float | None]
+
+
+class CarriedThing(TypedDict):
+    """Where a thing was from the motion's frame on which it was taken until it stood again, or the motion's end.
+
+    `positions`: of its origin, (n, 3), world, metres. `rotations`: (n, 4), world, w first.
+    """
+
+    name: str
+    first_frame: int
+    positions: NDArray[np.float32]
+    rotations: NDArray[np.float32]
+
+
+class ThingFigures(TypedDict):
+    """What became of a thing that was taken. `taken`, `placed`: when the palms had come to it, and it stood again.
+
+    `grip_cm`, `turn_degrees`: how far a palm got on it and a hand turned on it while it was carried, at the most.
+    `in_body_cm`: how deep it was in trunk, legs or head.
+    """
+
+    thing: str
+    take: str
+    hand: Literal["left", "right", "both"]
+    taken: int
+    put: str | None
+    placed: int | None
+    put_cm: float | None
+    grip_cm: float
+    turn_degrees: float
+    in_body_cm: float
+
+
 class Step(TypedDict):
     """A cue of a performance, and what is done there.
 
     `hold_seconds`: how long the person stays; without it as long as it takes to go on, and at the end as the settings
     say. `at_seconds`: when the cue is to be met, seconds from the performance's first frame.
-    `passes`: what the way to the cue leads through, in order. `manipulations`: in frames of this step's own motion.
+    `passes`: what the way to the cue leads through, in order. `manipulations`: their first frames are those of the
+    whole performance. `things`: what is taken and put down there, one after the other. The person stays until the hands
+    are done.
     """
 
     passes: NotRequired[list[PassCue]]
@@ -72,13 +138,15 @@ class Step(TypedDict):
     hold_seconds: NotRequired[float | None]
     at_seconds: NotRequired[float | None]
     manipulations: NotRequired[list[ManipulationCue]]
+    things: NotRequired[list[TakeCue | PutCue]]
 
 
 class Performance(TypedDict):
-    """What one person is asked to do: a start, and cues that are met one after the other."""
+    """What one person is asked to do: a start, and cues that are met in order. `things`: what can be taken."""
 
     start: InitialState
     steps: list[Step]
+    things: NotRequired[list[Thing]]
 
 
 class Constraint(TypedDict):
@@ -749,7 +817,7 @@ class Report(TypedDict):
     """What a run tells about itself; docs/report.md describes it.
 
     `seconds`: by stage, of those that there were. `edited`: None where nothing was edited. `steps`: of a performance,
-    what was played of it. `others`: of one of several people.
+    what was played of it. `things`: what became of those that were taken. `others`: of one of several people.
     """
 
     report_version: int
@@ -762,6 +830,7 @@ class Report(TypedDict):
     cues: list[Residual]
     action_from: int | None
     steps: NotRequired[list[StepReport]]
+    things: NotRequired[list[ThingFigures]]
     others: NotRequired[OthersFigures]
     foot: FootFigures
     penetration: PenetrationFigures

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use numpy::{PyArray2, PyArray3};
+use ndarray::Array2;
+use numpy::{IntoPyArray, PyArray2, PyArray3};
 use oncue::editor::shipped_manifold;
 use oncue::motion::FRAME_RATE;
-use oncue::{Performance, Settings};
+use oncue::{CarriedThing, Performance, Settings};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 
@@ -36,6 +37,10 @@ pub struct Performed {
     /// What the run tells about itself; docs/report.md describes it.
     #[pyo3(get)]
     report: Py<PyAny>,
+    /// The things that were taken: for each a dict of its `name`, the `first_frame` on which it was, and from there until it stands
+    /// again, or the motion ends, `positions` of its origin, float32 (n, 3), world, metres, and `rotations`, float32 (n, 4), w first.
+    #[pyo3(get)]
+    things: Py<PyList>,
     inner: Arc<oncue::Performed>,
 }
 
@@ -43,9 +48,28 @@ impl Performed {
     fn new(py: Python<'_>, performed: oncue::Performed) -> PyResult<Self> {
         let MotionArrays { root_positions, rotations, contacts } = to_arrays(py, &performed.motion)?;
         let report = json::to_python(py, &performed.report)?.unbind();
-        let inner = Arc::new(performed);
-        Ok(Self { root_positions, rotations, contacts, frame_rate: FRAME_RATE, report, inner })
+        let things = PyList::empty(py);
+        for thing in &performed.carried {
+            things.append(carried(py, thing)?)?;
+        }
+        let (things, inner) = (things.unbind(), Arc::new(performed));
+        Ok(Self { root_positions, rotations, contacts, frame_rate: FRAME_RATE, report, things, inner })
     }
+}
+
+fn carried<'py>(py: Python<'py>, thing: &CarriedThing) -> PyResult<Bound<'py, PyDict>> {
+    let frames = thing.positions.len();
+    let positions = Array2::from_shape_fn((frames, 3), |(f, axis)| thing.positions[f][axis]);
+    let rotations = Array2::from_shape_fn((frames, 4), |(f, part)| {
+        let q = thing.rotations[f];
+        [q.w, q.x, q.y, q.z][part]
+    });
+    let told = PyDict::new(py);
+    told.set_item("name", &thing.name)?;
+    told.set_item("first_frame", thing.first_frame)?;
+    told.set_item("positions", positions.into_pyarray(py))?;
+    told.set_item("rotations", rotations.into_pyarray(py))?;
+    Ok(told)
 }
 
 /// Plays a performance: cues that one person meets one after the other.

@@ -51,6 +51,7 @@ fn main() -> Result<(), AnyError> {
                     at_seconds: None,
                     passes: Vec::new(),
                     manipulations: Vec::new(),
+                    things: Vec::new(),
                 });
             }
             let cue =
@@ -61,9 +62,10 @@ fn main() -> Result<(), AnyError> {
                 at_seconds: None,
                 passes: Vec::new(),
                 manipulations: Vec::new(),
+                things: Vec::new(),
             });
         }
-        let performance = Performance { start: room[0].task.start.clone(), steps };
+        let performance = Performance { start: room[0].task.start.clone(), steps, things: Vec::new() };
         let begun = Instant::now();
         let made =
             match perform(None, &scene, &database, &performance, None, None, &settings, seed, &progress) {

@@ -50,8 +50,10 @@ fn main() -> Result<(), AnyError> {
                 hold_seconds: None,
                 at_seconds,
                 manipulations: Vec::new(),
+                things: Vec::new(),
             };
-            let performance = Performance { start: row.task.start.clone(), steps: vec![step] };
+            let performance =
+                Performance { start: row.task.start.clone(), steps: vec![step], things: Vec::new() };
             perform(None, &scene, &database, &performance, earlier, None, &settings, seed, &progress)
         };
         let free = match play(None, None) {

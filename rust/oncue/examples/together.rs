@@ -62,8 +62,9 @@ fn main() -> Result<(), AnyError> {
                         at_seconds: None,
                         passes: Vec::new(),
                         manipulations: Vec::new(),
+                        things: Vec::new(),
                     };
-                    Performance { start, steps: vec![step] }
+                    Performance { start, steps: vec![step], things: Vec::new() }
                 })
                 .collect();
             let places: Vec<Vec3> = both.iter().flat_map(Performance::places).collect();
@@ -105,7 +106,9 @@ fn hall(people: usize, settings: &Settings) -> Result<(SceneIndex, Vec<Performan
                 at_seconds: None,
                 passes: Vec::new(),
                 manipulations: Vec::new(),
+                things: Vec::new(),
             }],
+            things: Vec::new(),
         }
     });
     Ok((scene, crossing.collect()))

@@ -256,6 +256,80 @@ pub struct Task {
     pub manipulations: Vec<ManipulationCue>,
 }
 
+/// A thing that hands can take.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Thing {
+    /// Its name, for cues and messages.
+    pub name: String,
+    /// Where its origin is at first, world, metres.
+    pub position: Vec3,
+    /// How it is turned at first: a unit quaternion, w first, world.
+    pub rotation: [f32; 4],
+    /// The lowest corner of its box, in its own frame, metres.
+    pub low: Vec3,
+    /// And the highest.
+    pub high: Vec3,
+}
+
+/// To take a thing at a step's cue; it is carried from then on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TakeCue {
+    /// The name the artist gave it, for messages.
+    pub name: String,
+    /// The thing's name.
+    pub thing: String,
+    /// Which hand takes it.
+    pub hand: Hand,
+    /// Where, in the thing's frame, metres: palms come to the faces of its box to either side of a place within, and to, or beside, one that is
+    /// not.
+    pub grip: Vec3,
+}
+
+/// To put a thing down at a step's cue.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PutCue {
+    /// The name the artist gave it, for messages.
+    pub name: String,
+    /// The thing's name.
+    pub thing: String,
+    /// Where the middle of what it stands on comes to lie, world, metres.
+    pub position: Vec3,
+    /// How its −Y axis is turned there about the vertical, radians, see [`Planar`]; without it as it comes.
+    #[serde(default)]
+    pub yaw: Option<f32>,
+}
+
+/// What is done with a thing.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "does", rename_all = "snake_case")]
+pub enum ThingCue {
+    /// It is taken.
+    Take(TakeCue),
+    /// It is put down.
+    Put(PutCue),
+}
+
+impl ThingCue {
+    /// The cue's name.
+    pub fn name(&self) -> &str {
+        match self {
+            ThingCue::Take(take) => &take.name,
+            ThingCue::Put(put) => &put.name,
+        }
+    }
+
+    /// The thing's name.
+    pub fn thing(&self) -> &str {
+        match self {
+            ThingCue::Take(take) => &take.thing,
+            ThingCue::Put(put) => &put.thing,
+        }
+    }
+}
+
 /// A cue of a [`Performance`], and what is done there.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -271,9 +345,13 @@ pub struct Step {
     /// When the cue is to be met, seconds from the performance's first frame; without it, when the person gets there.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at_seconds: Option<f32>,
-    /// φ_M: what the hands do on the way there or once the cue is met, in frames of this step's own motion.
+    /// φ_M: what the hands do on the way there or once the cue is met, their first frames those of the whole performance. The person
+    /// stays at the cue until they are done.
     #[serde(default)]
     pub manipulations: Vec<ManipulationCue>,
+    /// What is taken and put down there, one after the other, and before hands follow paths that have no frame of their own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub things: Vec<ThingCue>,
 }
 
 /// What one person is asked to do: a start, and cues that are met one after the other.
@@ -284,6 +362,9 @@ pub struct Performance {
     pub start: InitialState,
     /// At least one.
     pub steps: Vec<Step>,
+    /// What can be taken.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub things: Vec<Thing>,
 }
 
 impl Performance {

@@ -60,6 +60,7 @@ mod data_file;
 pub mod editor;
 pub mod error;
 pub mod figures;
+mod hands;
 #[doc(hidden)]
 pub mod internals;
 pub mod job;
@@ -90,11 +91,12 @@ pub mod together;
 
 pub use action::{ActionLabel, ActionType};
 pub use cue::{
-    ActionCue, BodyState, CueKind, Hand, InitialState, ManipulationCue, Moments, PassCue, Performance, Step,
-    Task,
+    ActionCue, BodyState, CueKind, Hand, InitialState, ManipulationCue, Moments, PassCue, Performance,
+    PutCue, Step, TakeCue, Task, Thing, ThingCue,
 };
 pub use error::{Error, Result};
 pub use glam;
+pub use hands::{CarriedThing, ThingFigures};
 pub use job::Job;
 pub use library::{MotionDatabase, MotionLibrary};
 pub use motion::{Motion, Posture};

@@ -6,9 +6,12 @@
 use std::collections::BTreeMap;
 
 use crate::controller::{EpisodeEnd, StoredPolicy};
-use crate::cue::{ActionCue, BodyState, InitialState, Performance, Step, Task};
+use crate::cue::{ActionCue, BodyState, InitialState, Performance, Step, Task, ThingCue};
+use crate::editor::check_manipulations;
 use crate::error::{Error, Result};
 use crate::figures::{Company, Other, StyleValues, Surroundings};
+use crate::hands::things::check_things;
+use crate::hands::{CarriedThing, Hands};
 use crate::library::database::MotionDatabase;
 use crate::life::{Pause, pause};
 use crate::manifold::Manifold;
@@ -28,6 +31,8 @@ use crate::timing::{Timing, asked_frame, check_times, late_seconds, unpunctual};
 const SHORTEST_SIT: f32 = 0.8;
 /// Seeds of neighbouring steps are so far apart.
 const STEP_SEED: u64 = 1 << 40;
+/// Between the seeds of a rest and of a longer stay before it.
+const HANDS_SEED: u64 = 1 << 37;
 
 /// A performance as it was made.
 #[derive(Debug, Clone)]
@@ -39,6 +44,8 @@ pub struct Performed {
     pub report: Report,
     /// Each step as it comes; each begins with the last frame of the one before.
     pub steps: Vec<PerformedStep>,
+    /// The things that were taken, in the order in which they were.
+    pub carried: Vec<CarriedThing>,
 }
 
 /// One step as it was made.
@@ -112,29 +119,29 @@ pub(crate) fn perform_among(
         let key = next_key(before, step, hold_seconds);
         before = key;
         let known = earlier.iter().filter_map(|e| e.steps.get(at)).find(|known| known.key == key);
-        let (made, waited) = match known {
-            Some(known) => (known.made.clone(), known.waited),
+        let Step { passes, cue, .. } = step.clone();
+        let task = Task { start: start.clone(), passes, cue, manipulations: Vec::new() };
+        let made = check_hands(step, &task, others).and_then(|()| match known {
+            Some(known) => Ok((known.made.clone(), known.waited)),
             None => {
                 let mut settings = settings.clone();
                 settings.synthesizer.hold_seconds = hold_seconds;
-                let Step { passes, cue, manipulations, .. } = step.clone();
-                let task = Task { start: start.clone(), passes, cue, manipulations };
                 let means = Means { settings: &settings, seed: step_seed(seed, at), ..*means };
-                let made = if others.is_empty() {
+                if others.is_empty() {
                     means.alone(scene, &task).map(|made| (made, 0))
                 } else {
                     means.among(&task, &Company { others, begins, stays: is_last, most_wait: 0 })
-                };
-                match made {
-                    Err(Error::Cancelled) => return Err(Error::Cancelled),
-                    Err(error) if at == 0 => return Err(error),
-                    Err(error) => {
-                        stopped = Some(error.to_string());
-                        break;
-                    }
-                    Ok(made) => made,
                 }
             }
+        });
+        let (made, waited) = match made {
+            Err(Error::Cancelled) => return Err(Error::Cancelled),
+            Err(error) if at == 0 => return Err(error),
+            Err(error) => {
+                stopped = Some(error.to_string());
+                break;
+            }
+            Ok(made) => made,
         };
         if at > 0 && made.end != EpisodeEnd::Complete {
             stopped = Some(made.not_done.join(" "));
@@ -150,7 +157,22 @@ pub(crate) fn perform_among(
     }
     let floor = performance.start.position.z;
     let timing = Timing { scene, database, settings, floor, progress };
-    joined(&timing, performance, steps, stopped, seed)
+    joined(&timing, means.manifold, performance, steps, stopped, seed)
+}
+
+/// Refuses paths of hands that can be seen not to be followed at a step's cue.
+fn check_hands(step: &Step, task: &Task, others: &[Other]) -> Result<()> {
+    let first = step.things.first().map(ThingCue::name);
+    let Some(first) = step.manipulations.first().map(|cue| cue.name.as_str()).or(first) else {
+        return Ok(());
+    };
+    // Others are waited for and walked around as if nobody stayed longer for a hand.
+    if !others.is_empty() {
+        return Err(Error::input(format!(
+            "Hands do what ‘{first}’ asks where one person plays alone; take it away, or the other starts."
+        )));
+    }
+    check_manipulations(&Task { manipulations: step.manipulations.clone(), ..task.clone() })
 }
 
 /// Of who waits for others to pass, seeds of what moves meanwhile are so far from those of what moves later.
@@ -175,10 +197,7 @@ impl Means<'_> {
     /// is let pass, or walked around. Also the frames that the person waits for others at its start, which it then begins with.
     fn among(&self, task: &Task, company: &Company) -> Result<(Synthesis, usize)> {
         let &Means { manifold, scene, database, stored, settings, seed, progress } = self;
-        // A hand's path has its own time, in frames from the motion's begin.
-        let may_wait = task.manipulations.is_empty();
-        let most_wait = if may_wait { (LONGEST_WAIT * FRAME_RATE) as usize } else { 0 };
-        let company = Company { most_wait, ..*company };
+        let company = Company { most_wait: (LONGEST_WAIT * FRAME_RATE) as usize, ..*company };
         let play = |scene: &SceneIndex| {
             let company = Some(company);
             synthesize_among(manifold, scene, None, database, task, stored, settings, seed, company, progress)
@@ -282,6 +301,7 @@ pub fn check_performance(scene: &SceneIndex, performance: &Performance) -> Resul
         posture.root_position.z += floor;
         start = continuing(&step.cue, [posture; 2], [1.0; 2], floor);
     }
+    check_things(performance)?;
     check_times(performance)
 }
 
@@ -326,8 +346,8 @@ fn first_key(means: &Means, performance: &Performance, others: &[Other]) -> blak
 }
 
 fn next_key(before: blake3::Hash, step: &Step, hold_seconds: f32) -> blake3::Hash {
-    // Whenever it is asked for, it is played the same.
-    let step = Step { at_seconds: None, ..step.clone() };
+    // Whenever it is asked for, and whatever hands do there, it is played the same.
+    let step = Step { at_seconds: None, manipulations: Vec::new(), things: Vec::new(), ..step.clone() };
     let step = serde_json::to_vec(&(step, hold_seconds)).unwrap_or_default();
     blake3::hash(&[before.as_bytes(), step.as_slice()].concat())
 }
@@ -335,6 +355,7 @@ fn next_key(before: blake3::Hash, step: &Step, hold_seconds: f32) -> blake3::Has
 /// The motions of all steps as one, each at its time, and what is told of it.
 fn joined(
     timing: &Timing,
+    manifold: Option<&Manifold>,
     performance: &Performance,
     steps: Vec<PerformedStep>,
     stopped: Option<String>,
@@ -343,18 +364,33 @@ fn joined(
     let Timing { scene, database, settings, progress, .. } = *timing;
     let mut motion = Motion::default();
     let (mut told, mut spans, mut moments) = (Vec::new(), Vec::new(), Vec::new());
+    let mut hands = Hands::new(performance, settings);
+    // So long the person stays where the step before has ended until the hands are done there, in frames.
+    let mut stays = 0;
     for (at, (PerformedStep { start, made, waited, .. }, step)) in
         steps.iter().zip(&performance.steps).enumerate()
     {
-        let first_frame = motion.len().saturating_sub(1);
+        let first_frame = motion.len().saturating_sub(1) + stays;
         let timed = timing.timed(made, step, start, first_frame, step_seed(seed, at))?;
-        // Its first frame is the last of the one before.
-        let own = usize::from(!motion.is_empty());
-        motion.postures.extend(&timed.motion.postures[own..]);
-        motion.contacts.extend(&timed.motion.contacts[own..]);
+        if stays > 0 {
+            let before = start.body.as_ref().map(|body| body.postures[0]);
+            let around = Surroundings::at_start(scene, start);
+            let seed = step_seed(seed, at) ^ HANDS_SEED;
+            append(&mut motion, &timing.rest(&timed.motion, before, around, stays, seed)?);
+            // The rest ends where the step begins.
+            motion.postures.push(timed.motion.postures[0]);
+            motion.contacts.push(timed.motion.contacts[0]);
+        }
+        append(&mut motion, &timed.motion);
         let when = timed.moments.each(|frame| first_frame + frame);
         let sits = step.cue.is_seated() && made.end == EpisodeEnd::Complete;
         spans.extend(segments(first_frame + waited + timed.waits, motion.len(), &when, sits));
+        stays = match made.end {
+            EpisodeEnd::Complete => {
+                (hands.begin(at, &motion, when.complete) + 1).saturating_sub(motion.len())
+            }
+            _ => 0,
+        };
         moments.push(when);
         let Report { edited, policy_source, updates, path_m, shortest_path_m, .. } = made.report.clone();
         told.push(StepReport {
@@ -373,12 +409,23 @@ fn joined(
             shortest_path_m,
         });
     }
+    if stays > 0 {
+        let end = motion.len() - 1;
+        let here = Motion { postures: vec![motion.postures[end]], contacts: vec![motion.contacts[end]] };
+        let around = Surroundings::at_end(scene, &performance.steps[steps.len() - 1].cue);
+        let before = motion.postures[end.saturating_sub(1)];
+        let seed = step_seed(seed, steps.len()) ^ HANDS_SEED;
+        append(&mut motion, &timing.rest(&here, Some(before), around, stays + 1, seed)?);
+    }
+    let around = Surroundings::with(scene, performance.seats(&moments));
+    let done = hands.follow(&mut motion, &around, manifold, progress)?;
     progress.stage("Measuring");
     let around = Around { scene: Some(scene), moving: &[], wait: 0, database: Some(database) };
     let measured = measure_performance(&motion, &around, performance, &moments, settings);
     let mut problems: Vec<String> = steps.iter().flat_map(|step| step.made.not_done.clone()).collect();
     problems.extend(stopped.into_iter().chain(unplayed(performance, steps.len())));
     problems.extend(unpunctual(performance, &moments));
+    problems.extend(done.problems);
     problems.extend(measured.body.problems(&settings.report));
 
     let all = || steps.iter().map(|step| &step.made.report);
@@ -400,7 +447,8 @@ fn joined(
         speed: speed_figures(&motion, &database.turns.usual, &database.accelerations),
         body: measured.body,
         style: StyleValues::of(&motion, performance.start.position.z, &spans).medians(),
-        edited: None,
+        edited: done.edited,
+        things: done.things,
         frames: motion.len(),
         path_m: all().map(|r| r.path_m).sum(),
         shortest_path_m: all().map(|r| r.shortest_path_m).sum(),
@@ -416,7 +464,14 @@ fn joined(
         settings: Settings { scene: scene.settings().clone(), ..settings.clone() },
         ..first.clone()
     };
-    Ok(Performed { motion, report, steps })
+    Ok(Performed { motion, report, steps, carried: done.carried })
+}
+
+/// Adds to a motion one that begins with its last frame.
+fn append(motion: &mut Motion, more: &Motion) {
+    let own = usize::from(!motion.is_empty());
+    motion.postures.extend(&more.postures[own..]);
+    motion.contacts.extend(&more.contacts[own..]);
 }
 
 /// What is said where a performance ends after so many steps, and not all are played.

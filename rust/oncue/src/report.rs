@@ -8,6 +8,7 @@ use crate::controller::optimize::UpdateFigures;
 use crate::cue::Moments;
 use crate::editor::TaskEditFigures;
 use crate::figures::{BodyFigures, OthersFigures, StyleFigures};
+use crate::hands::ThingFigures;
 use crate::metrics::{FootFigures, PenetrationFigures, Residual, SpeedFigures};
 use crate::settings::Settings;
 
@@ -94,6 +95,9 @@ pub struct Report {
     /// What was played of a performance, cue after cue; empty for the run of one cue.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<StepReport>,
+    /// What became of things that were taken; empty where none was.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub things: Vec<ThingFigures>,
     /// How the person is in others of the shot; none of who is alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub others: Option<OthersFigures>,

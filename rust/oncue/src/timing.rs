@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::figures::Surroundings;
 use crate::library::database::MotionDatabase;
 use crate::life::{Pause, pause};
-use crate::motion::{FRAME_RATE, Motion};
+use crate::motion::{FRAME_RATE, Motion, Posture};
 use crate::progress::Progress;
 use crate::scene::SceneIndex;
 use crate::settings::Settings;
@@ -88,19 +88,26 @@ impl Timing<'_> {
 
     /// The same after so many frames of rest where it begins.
     fn waiting(&self, step: Timed, start: &InitialState, waits: usize, seed: u64) -> Result<Timed> {
-        let rest = Pause {
-            frames: waits,
-            before: start.body.as_ref().map(|body| body.postures[0]),
-            size: liveliness(self.settings),
-            seed: seed ^ WAIT_SEED,
-            floor: self.floor,
-            around: Surroundings::at_start(self.scene, start),
-        };
-        self.progress.stage("Bringing to life");
-        let mut motion = pause(&step.motion, &rest, self.progress)?;
+        let before = start.body.as_ref().map(|body| body.postures[0]);
+        let around = Surroundings::at_start(self.scene, start);
+        let mut motion = self.rest(&step.motion, before, around, waits, seed ^ WAIT_SEED)?;
         motion.postures.extend(step.motion.postures);
         motion.contacts.extend(step.motion.contacts);
         Ok(Timed { motion, moments: step.moments.each(|frame| frame + waits), waits, dawdles: 0 })
+    }
+
+    /// So many frames of rest for the front of a motion, see [`pause`]; `before`: the posture one frame earlier.
+    pub(crate) fn rest(
+        &self,
+        motion: &Motion,
+        before: Option<Posture>,
+        around: Surroundings,
+        frames: usize,
+        seed: u64,
+    ) -> Result<Motion> {
+        let (size, floor) = (liveliness(self.settings), self.floor);
+        self.progress.stage("Bringing to life");
+        pause(motion, &Pause { frames, before, size, seed, floor, around }, self.progress)
     }
 }
 
@@ -152,12 +159,6 @@ pub(crate) fn check_times(performance: &Performance) -> Result<()> {
             if !(0.0..=LATEST).contains(&at) {
                 return Err(Error::input(format!(
                     "‘{name}’ is asked for after {at} seconds; give 0 to {LATEST:.0}."
-                )));
-            }
-            if !step.manipulations.is_empty() {
-                return Err(Error::input(format!(
-                    "‘{name}’ is asked for at a time, and hands follow ‘{}’ at frames of their own; take one of the two away.",
-                    step.manipulations[0].name
                 )));
             }
             let frame = |seconds: f32| (seconds * FRAME_RATE).round() as usize;

@@ -152,6 +152,7 @@ fn performance() -> Performance {
         hold_seconds,
         at_seconds: None,
         manipulations: Vec::new(),
+        things: Vec::new(),
     };
     Performance {
         start: InitialState::standing("Start", Vec3::new(0.2, -1.8, 0.0), 2.0),
@@ -163,6 +164,7 @@ fn performance() -> Performance {
             ),
             step(vec![by("Back", 1.3, 0.4)], cue("There", ActionType::Stop, [0.6, -1.6, 0.0], 1.5), None),
         ],
+        things: Vec::new(),
     }
 }
 

@@ -49,7 +49,14 @@ fn step(
     hold_seconds: Option<f32>,
 ) -> Step {
     let cue = ActionCue { name: name.into(), action_type, position: position.into(), yaw, feet: [None; 2] };
-    Step { cue, hold_seconds, at_seconds: None, passes: Vec::new(), manipulations: Vec::new() }
+    Step {
+        cue,
+        hold_seconds,
+        at_seconds: None,
+        passes: Vec::new(),
+        manipulations: Vec::new(),
+        things: Vec::new(),
+    }
 }
 
 /// Sits down on the bench, gets up, stops beside the table, and sits down again.
@@ -61,6 +68,7 @@ fn performance() -> Performance {
             step("Beside", ActionType::Stop, [-1.4, -0.8, 0.0], 1.5, None),
             step("Right", ActionType::Sit, [0.45, 2.12, 0.55], 0.0, None),
         ],
+        things: Vec::new(),
     }
 }
 
@@ -359,12 +367,98 @@ fn times_that_cannot_be_kept_are_named_before_anything_is_played() {
     // Four metres and the stay of a second are not gone in two seconds.
     let soon = said(&[(0, 9.0), (1, 11.0)]);
     assert!(soon.contains("‘Beside’ cannot be reached by frame 330") && soon.contains("‘Left’"), "{soon}");
+}
+
+/// A knob 30 cm before the left shoulder of who stands beside the table, which is pushed on by 20 cm.
+fn knob(first_frame: Option<usize>) -> ManipulationCue {
+    let beside = performance().steps[1].cue.planar();
+    let at = |ahead: f32| beside.point_to_world(glam::Vec2::new(0.15, -ahead)).extend(1.1);
+    let path = (0..40).map(|frame| at(0.35 + 0.005 * frame as f32)).collect();
+    ManipulationCue { name: "Knob".into(), hand: Hand::Left, path, first_frame }
+}
+
+/// The performance with the knob pushed beside the table, and the frame on which that begins.
+fn pushed(first_frame: Option<usize>, at_seconds: Option<f32>) -> (Performed, usize) {
     let mut hands = performance();
-    hands.steps[2].at_seconds = Some(60.0);
-    let path = vec![Vec3::ZERO];
-    hands.steps[2].manipulations =
-        vec![ManipulationCue { name: "Rail".into(), hand: Hand::Left, path, first_frame: None }];
-    let refused =
-        check_performance(&room(), &hands).map_or_else(|error| error.to_string(), |()| String::new());
-    assert!(refused.contains("‘Right’ is asked for at a time, and hands follow ‘Rail’"), "{refused}");
+    hands.steps[1].manipulations = vec![knob(first_frame)];
+    hands.steps[1].at_seconds = at_seconds;
+    let made = play(&hands, Some(played())).expect("a performance");
+    let edited = made.report.edited.as_ref().expect("hands at work");
+    assert!(made.report.success, "{:?}", made.report.problems);
+    let first = edited.manipulations[0].first_frame;
+    let palm = oncue::motion::skeleton::palm(Joint::LeftHand);
+    for (frame, place) in knob(None).path.iter().enumerate() {
+        let miss = made.motion.postures[first + frame].pose().point(Joint::LeftHand, palm).distance(*place);
+        assert!(miss < 0.005, "{miss} at {frame}");
+    }
+    assert!(edited.constraints[0].met && edited.constraints[0].name == "Knob");
+    (made, first)
+}
+
+#[test]
+fn a_hand_follows_its_path_at_a_step_and_the_person_stays_for_it() {
+    let free = played();
+    let (made, first) = pushed(None, None);
+    let [before, after] = [free, &made].map(|made| &made.report.steps);
+    let met = after[1].moments.complete;
+    assert!(first > met && met == before[1].moments.complete);
+    // What lies before, and what follows, is what it was to the bit.
+    assert!(made.motion.postures[..met] == free.motion.postures[..met]);
+    let [was, is] = [before[2].first_frame, after[2].first_frame];
+    assert!(is > first + 40 + 15 && is - was == made.motion.len() - free.motion.len());
+    let other = (is + 1..made.motion.len())
+        .find(|&frame| made.motion.postures[frame] != free.motion.postures[frame - is + was]);
+    assert_eq!(other, None, "from {is}, hands from {first}");
+    assert_eq!(after[2].moments, before[2].moments.each(|frame| frame + is - was));
+    // Feet that stand stay, and nothing jumps where the longer stay begins and ends.
+    assert!(slides(&made.motion) < slides(&free.motion) + 2e-4, "{}", slides(&made.motion));
+    for seam in [was, is] {
+        for frame in seam - 2..seam + 4 {
+            let [a, b, c] = [frame - 1, frame, frame + 1].map(|frame| places(&made.motion, frame));
+            for (joint, usual) in database().accelerations.iter().enumerate() {
+                let ratio = (a[joint] - 2.0 * b[joint] + c[joint]).length() * 900.0 / usual.max(1.0);
+                assert!(ratio < 1.0, "{:?} at {frame} of seam {seam}: {ratio}", Joint::ALL[joint]);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_path_with_frames_of_its_own_is_waited_for() {
+    let free = played();
+    let met = free.report.steps[1].moments.complete;
+    let (made, first) = pushed(Some(met + 200), None);
+    assert_eq!(first, met + 200);
+    assert!(made.report.steps[2].first_frame > met + 240);
+    // Whoever comes later waits less.
+    let (timed, first) = pushed(Some(met + 200), Some((met + 120) as f32 / 30.0));
+    assert_eq!((first, timed.report.steps[1].moments.complete), (met + 200, met + 120));
+    assert_eq!(timed.report.steps[2].first_frame, made.report.steps[2].first_frame);
+    // At the last cue as well.
+    let mut last = performance();
+    last.steps.truncate(2);
+    last.steps[1].manipulations = vec![knob(Some(met + 300))];
+    let made = play(&last, Some(free)).expect("a performance");
+    assert!(made.report.success && made.motion.len() > met + 340, "{:?}", made.report.problems);
+}
+
+#[test]
+fn hands_that_cannot_follow_leave_the_motion_and_are_told() {
+    let free = played();
+    let met = free.report.steps[1].moments.complete;
+    let said = |cue: ManipulationCue| {
+        let mut hands = performance();
+        hands.steps[1].manipulations = vec![cue];
+        let made = play(&hands, Some(free)).expect("a performance");
+        assert!(!made.report.success && made.report.steps.len() == 3);
+        assert!(made.motion.postures[..met] == free.motion.postures[..met]);
+        made.report.problems.join(" ")
+    };
+    let early = said(knob(Some(met - 150)));
+    assert!(
+        early.contains("‘Knob’ is out of reach on frame") && early.contains("‘Start’ is at ‘Beside’"),
+        "{early}"
+    );
+    let late = said(knob(Some(met + 3700)));
+    assert!(late.contains("123 s after ‘Start’ is at ‘Beside’") && late.contains("120 s"), "{late}");
 }

@@ -61,7 +61,14 @@ fn database() -> &'static MotionDatabase {
 
 fn step(name: &str, action_type: ActionType, position: [f32; 3], yaw: f32) -> Step {
     let cue = ActionCue { name: name.into(), action_type, position: position.into(), yaw, feet: [None; 2] };
-    Step { cue, hold_seconds: None, at_seconds: None, passes: Vec::new(), manipulations: Vec::new() }
+    Step {
+        cue,
+        hold_seconds: None,
+        at_seconds: None,
+        passes: Vec::new(),
+        manipulations: Vec::new(),
+        things: Vec::new(),
+    }
 }
 
 /// Who stands at a place facing the next and goes there.
@@ -71,6 +78,7 @@ fn walk(name: &str, from: [f32; 2], to: [f32; 2]) -> Performance {
     Performance {
         start: InitialState::standing(name, Vec2::from(from).extend(0.0), yaw),
         steps: vec![step(&format!("{name}'s stop"), ActionType::Stop, [to[0], to[1], 0.0], yaw)],
+        things: Vec::new(),
     }
 }
 
@@ -314,8 +322,9 @@ fn two_play_in_a_real_room(rooms: &Path) {
                 at_seconds: None,
                 passes: Vec::new(),
                 manipulations: Vec::new(),
+                things: Vec::new(),
             };
-            Performance { start, steps: vec![step] }
+            Performance { start, steps: vec![step], things: Vec::new() }
         })
         .collect();
     let places: Vec<Vec3> = people.iter().flat_map(Performance::places).collect();

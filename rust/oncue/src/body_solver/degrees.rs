@@ -142,6 +142,17 @@ impl DegreesOfFreedom {
         Self { loose_wrists: true, ..Self::of(parts, true) }
     }
 
+    /// The arms of these sides, left and right, that hold something: shoulders and elbows, and wrists no more readily than they.
+    pub(crate) fn holding(sides: [bool; 2], wrists: bool) -> Self {
+        use Joint::*;
+        let arms = [[LeftArm, LeftForeArm, LeftHand], [RightArm, RightForeArm, RightHand]];
+        let of = |[upper, fore, hand]: [Joint; 3]| {
+            [Some(Part::Ball(upper)), Some(Part::Hinge(fore)), wrists.then_some(Part::Ball(hand))]
+        };
+        let held = arms.into_iter().zip(sides).filter_map(|(arm, held)| held.then_some(arm));
+        Self::of(held.flat_map(of).flatten().collect(), true)
+    }
+
     /// Legs, spine and the place of a pelvis that keeps its turn.
     pub(crate) fn body_on_its_feet() -> Self {
         use Joint::*;

@@ -15,7 +15,7 @@ use crate::body_solver::{
 };
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
-use crate::math::curve::smoothstep;
+use crate::math::curve::{least_jerk, smoothstep};
 use crate::math::rotation::{angle_between, wrap_angle, yaw};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
 use crate::progress::Progress;
@@ -517,7 +517,7 @@ pub(super) fn span(motion: &Motion, constraints: &[Constraint], settings: &Edito
 }
 
 /// The same with the whole of the way back, which may end after the motion.
-pub(super) fn whole_span(
+pub(crate) fn whole_span(
     motion: &Motion,
     constraints: &[Constraint],
     settings: &EditorSettings,
@@ -538,7 +538,7 @@ pub(super) fn whole_span(
 }
 
 /// Frames of a reach over `distance` metres: long ones take longer, though not in proportion.
-pub(super) fn reach_frames(distance: f32, settings: &EditorSettings) -> usize {
+pub(crate) fn reach_frames(distance: f32, settings: &EditorSettings) -> usize {
     let seconds =
         (settings.reach_seconds + settings.reach_seconds_per_metre * distance).max(settings.blend_seconds);
     (seconds * FRAME_RATE).round() as usize
@@ -546,12 +546,6 @@ pub(super) fn reach_frames(distance: f32, settings: &EditorSettings) -> usize {
 
 fn is_foot(joint: Joint) -> bool {
     LEGS.iter().any(|leg| leg[1..].contains(&joint))
-}
-
-/// From 0 to 1 with the least jerk.
-fn least_jerk(t: f32) -> f32 {
-    let t = t.clamp(0.0, 1.0);
-    t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
 }
 
 /// What is left of a constraint in a motion.

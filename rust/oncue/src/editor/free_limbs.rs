@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::figures::Surroundings;
 use crate::library::contact::runs;
 use crate::math::capsule::Capsule;
-use crate::motion::skeleton::ARMS;
+use crate::motion::skeleton::{ARMS, palm};
 use crate::motion::{Joint, Motion, Pose, Posture};
 use crate::progress::Progress;
 use crate::scene::SceneContact;
@@ -39,6 +39,8 @@ const NEAR_END: f32 = 0.02;
 const CONTACT_SIGMA: f32 = 2e-3;
 /// σ of an arm that is to stay as it is, radians, and of a pelvis that is where it was asked for, metres.
 const STAYS_SIGMA: f32 = 1e-4;
+/// σ of a hand that has something: of its palm, metres, and of its turn, radians.
+const GRIP_SIGMA: (f32, f32) = (2e-4, 0.03);
 /// σ of a pelvis that may give way, metres.
 const AWAY_SIGMA: f32 = 0.01;
 /// A correction that moves a joint of legs or trunk farther than this is none, metres: who has to go so far out of the way has to go
@@ -73,8 +75,9 @@ pub(crate) fn free_body(motion: &mut Motion, room: Room, rests: usize, progress:
         let target = posture.root_position;
         out.push(Term::Point { joint: Joint::Hips, offset: Vec3::ZERO, target, sigma });
     };
-    let touches = Touches { room, limbs: Limbs::Body, carried: &[], first: 0 };
-    free(motion, touches, &DegreesOfFreedom::body_on_its_feet(), held, progress)
+    let touches = Touches { room, limbs: Limbs::Body, carried: &[], gripping: &[], first: 0 };
+    let all = 0..motion.len();
+    free(motion, touches, &DegreesOfFreedom::body_on_its_feet(), all, held, progress)
 }
 
 /// Takes the arms of a motion out of the own body and out of the scene. `carried`: frames in which a hand follows a cue; that
@@ -88,24 +91,43 @@ pub(crate) fn free_arms(
     carried: &[(Hand, Range<usize>)],
     progress: &Progress,
 ) -> Result<()> {
-    let touches = Touches { room, limbs: Limbs::Arms, carried, first: 0 };
-    let held = |frame: usize, posture: &Posture, out: &mut Vec<Term>| touches.keep(frame, posture, out);
-    free(motion, touches, &DegreesOfFreedom::arms(), held, progress)
+    let all = 0..motion.len();
+    free_arms_within(motion, room, carried, &[], all, progress)
 }
 
-/// Takes out what `touches` finds. `held` adds what stays as it is in a frame.
+/// The same of what they are in on the frames `within`; what is farther from these than a correction takes to fade stays as it is, to
+/// the bit. `gripping`: frames in which a hand has something; it stays where it is, and its arm makes way.
+///
+/// # Errors
+/// `Cancelled`.
+pub(crate) fn free_arms_within(
+    motion: &mut Motion,
+    room: Room,
+    carried: &[(Hand, Range<usize>)],
+    gripping: &[(Hand, Range<usize>)],
+    within: Range<usize>,
+    progress: &Progress,
+) -> Result<()> {
+    let touches = Touches { room, limbs: Limbs::Arms, carried, gripping, first: 0 };
+    let held = |frame: usize, posture: &Posture, out: &mut Vec<Term>| touches.keep(frame, posture, out);
+    free(motion, touches, &DegreesOfFreedom::arms(), within, held, progress)
+}
+
+/// Takes out what `touches` finds on the frames `within`. `held` adds what stays as it is in a frame.
 fn free(
     motion: &mut Motion,
     touches: Touches,
     degrees: &DegreesOfFreedom,
+    within: Range<usize>,
     held: impl Fn(usize, &Posture, &mut Vec<Term>),
     progress: &Progress,
 ) -> Result<()> {
     let deepest = |all: &[(usize, Touch)]| all.iter().map(|(_, touch)| touch.depth).fold(0.0, f32::max);
     let limbs = touches.limbs;
     let poses: Vec<Pose> = motion.postures.iter().map(Posture::pose).collect();
-    let deep: Vec<bool> =
-        (0..motion.len()).map(|frame| deepest(&touches.of(frame, &poses)) > limbs.stay_within()).collect();
+    let is_deep =
+        |frame| within.contains(&frame) && deepest(&touches.of(frame, &poses)) > limbs.stay_within();
+    let deep: Vec<bool> = (0..motion.len()).map(is_deep).collect();
     for (first, end) in merged(runs(&deep, true), motion.len()) {
         let postures = &motion.postures[first..end];
         let mut terms: Vec<Vec<Term>> = vec![Vec::new(); postures.len()];
@@ -189,6 +211,7 @@ struct Touches<'a> {
     room: Room<'a>,
     limbs: Limbs,
     carried: &'a [(Hand, Range<usize>)],
+    gripping: &'a [(Hand, Range<usize>)],
     /// The motion's frame that is frame 0 here.
     first: usize,
 }
@@ -258,8 +281,16 @@ impl Touches<'_> {
         out
     }
 
-    /// Keeps carried arms as they are.
+    /// Keeps carried arms as they are, and hands that have something where they are.
     fn keep(&self, frame: usize, posture: &Posture, out: &mut Vec<Term>) {
+        for (joint, hand) in Joint::HANDS.into_iter().zip([Hand::Left, Hand::Right]) {
+            if is_carried(self.gripping, hand, frame) {
+                let (pose, offset) = (posture.pose(), palm(joint));
+                let (target, sigma) = (pose.point(joint, offset), Vec3::splat(GRIP_SIGMA.0));
+                out.push(Term::Point { joint, offset, target, sigma });
+                out.push(Term::Turn { joint, target: pose.rotation(joint), sigma: GRIP_SIGMA.1 });
+            }
+        }
         for (arm, hand) in ARMS.iter().zip([Hand::Left, Hand::Right]) {
             if is_carried(self.carried, hand, frame) {
                 out.extend(arm[1..3].iter().map(|&joint| Term::Local {

@@ -34,7 +34,7 @@ const APART: f32 = 0.20;
 /// The root of a person who stands or sits still moves less than this a frame, metres.
 const STILL: f32 = 0.004;
 /// For a cue nobody waits longer than this, seconds: a range so late is a slip of the keyboard.
-const LONGEST_WAIT: f32 = 120.0;
+pub(crate) const LONGEST_WAIT: f32 = 120.0;
 /// No palm gets farther from the pelvis than this, metres: a trunk, an arm and a hand, stretched.
 const FARTHEST_PALM: f32 = 1.33;
 
@@ -236,7 +236,8 @@ fn check_wait(motion: &Motion, cue: &ManipulationCue, first: usize) -> Result<()
     Ok(())
 }
 
-fn joints(hand: Hand) -> &'static [Joint] {
+/// The joints of a hand, or of both.
+pub(crate) fn joints(hand: Hand) -> &'static [Joint] {
     match hand {
         Hand::Left => &Joint::HANDS[..1],
         Hand::Right => &Joint::HANDS[1..],
@@ -244,7 +245,8 @@ fn joints(hand: Hand) -> &'static [Joint] {
     }
 }
 
-fn constraints(motion: &Motion, first: usize, cue: &ManipulationCue) -> Vec<Constraint> {
+/// What a cue asks of a motion on whose frame `first` its path begins.
+pub(crate) fn constraints(motion: &Motion, first: usize, cue: &ManipulationCue) -> Vec<Constraint> {
     let to_left = rotate(motion.postures[first].planar().yaw, glam::Vec2::X).extend(0.0);
     joints(cue.hand)
         .iter()

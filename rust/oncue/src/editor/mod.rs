@@ -12,7 +12,7 @@ pub(crate) mod constraint;
 pub(crate) mod edit;
 pub(crate) mod first_step;
 mod foot_following;
-mod free_limbs;
+pub(crate) mod free_limbs;
 pub(crate) mod latent;
 pub(crate) mod manipulation;
 pub(crate) mod plain_ik;

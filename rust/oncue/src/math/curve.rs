@@ -8,6 +8,12 @@ pub(crate) fn smoothstep(t: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
+/// From 0 to 1 with the least jerk; what lies outside is held.
+pub(crate) fn least_jerk(t: f32) -> f32 {
+    let t = t.clamp(0.0, 1.0);
+    t * t * t * (10.0 - 15.0 * t + 6.0 * t * t)
+}
+
 /// The samples within `radius` of each that there are.
 fn around(values: &[f32], i: usize, radius: usize) -> std::ops::Range<usize> {
     i.saturating_sub(radius)..(i + radius + 1).min(values.len())

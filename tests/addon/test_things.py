@@ -1,0 +1,225 @@
+"""Things that are taken, carried and put down: read, keyed with the take, and gone with it."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+
+from .runs import current_action, datablocks
+from .shapes import add_cube, add_floor
+from .test_character import evaluated_palm
+
+
+@pytest.fixture
+def objects(oncue):
+    return oncue("bridge.cue_objects")
+
+
+@pytest.fixture
+def room(objects):
+    """A table of 0.75 m with a cup, and a low one; the person carries the cup from one to the other."""
+    scene = bpy.context.scene
+    scene.render.fps, scene.oncue.start_frame = 24, 11
+    add_floor()
+    add_cube("Table", (1.85, -0.2, 0.375), (0.7, 1.6, 0.75))
+    add_cube("Low", (-2.0, -0.2, 0.225), (0.8, 1.6, 0.45))
+    cup = add_cube("Cup", (1.62, -0.2, 0.80), (0.08, 0.08, 0.10))
+    objects.make_cue(bpy.context, "start", (0.0, -1.5, 0), 2.5)
+    table = objects.make_cue(bpy.context, "stop", (1.15, -0.2, 0), math.pi / 2, name="At Table")
+    objects.number_steps([table])
+    pick(cup)
+    assert bpy.ops.oncue.place_take(hand="right") == {"FINISHED"}
+    low = objects.make_cue(bpy.context, "stop", (-1.2, -0.2, 0), -math.pi / 2, name="At Low")
+    low["oncue_step"] = 3
+    scene.cursor.location = (-1.8, -0.15, 0.6)
+    assert bpy.ops.oncue.place_put() == {"FINISHED"}
+    return cup
+
+
+def pick(thing):
+    for other in bpy.context.view_layer.objects:
+        other.select_set(other == thing)
+    bpy.context.view_layer.objects.active = thing
+
+
+def read(oncue):
+    return oncue("bridge.cue_reader").read_task(bpy.context)
+
+
+def at(thing, frame):
+    bpy.context.scene.frame_set(frame)
+    return np.array(thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world)
+
+
+def test_cues_of_things_are_read_in_their_order(oncue, room):
+    task = read(oncue)
+    take, put = (step["things"] for step in task["steps"])
+    assert [cue["name"] for cue in (*take, *put)] == ["Take Cup", "Put Cup"]
+    assert (take[0]["does"], take[0]["hand"], put[0]["does"]) == ("take", "right", "put")
+    # Gripped in the middle, and put on the table under the cursor, turned as it comes.
+    assert take[0]["grip"] == pytest.approx([0, 0, 0], abs=1e-6)
+    assert put[0]["position"] == pytest.approx([-1.8, -0.15, 0.45], abs=1e-5)
+    assert "yaw" not in put[0]
+    (thing,) = task["things"]
+    assert thing["position"] == pytest.approx([1.62, -0.2, 0.80])
+    assert thing["low"] == pytest.approx([-0.04, -0.04, -0.05], abs=1e-6)
+    assert thing["high"] == pytest.approx([0.04, 0.04, 0.05], abs=1e-6)
+    # In centimetres it is the same, and the cup is in nobody's way.
+    bpy.data.objects["Put Cup"].rotation_euler.z += 0.5
+    bpy.context.view_layer.update()
+    assert read(oncue)["steps"][1]["things"][0]["yaw"] == pytest.approx(0.5)
+    request, _ = oncue("bridge.session").read_request(bpy.context)
+    assert "Cup" not in request.names
+    # A turned thing is measured in its own frame.
+    room.rotation_euler.z = 0.7
+    bpy.context.view_layer.update()
+    (thing,) = read(oncue)["things"]
+    assert thing["high"] == pytest.approx([0.04, 0.04, 0.05], abs=1e-6)
+    assert thing["rotation"] == pytest.approx([math.cos(0.35), 0, 0, math.sin(0.35)], abs=1e-6)
+
+
+def test_what_is_carried_has_keys_that_come_and_go_with_the_take(oncue, room):
+    session, before = oncue("bridge.session"), np.array(room.matrix_world)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    take = current_action()
+    report = session.report_of(take)
+    assert report["success"], report["problems"]
+    (told,) = report["things"]
+    character = bpy.context.scene.oncue.character
+    scene = [11 + frame * 24 / 30 for frame in (told["taken"], told["placed"])]
+    taken, placed = math.floor(scene[0]), math.ceil(scene[1])
+    # It stands as it stood until it is taken, then where it is put, to a centimetre.
+    assert at(room, 11) == pytest.approx(before, abs=1e-6)
+    assert at(room, taken) == pytest.approx(before, abs=1e-4)
+    stands = at(room, placed + 30)
+    assert np.linalg.norm(stands[:3, 3] - [-1.8, -0.15, 0.50]) < 0.01
+    assert stands[2, 2] == pytest.approx(0.10, abs=1e-3)
+    # In between the palm has it where it gripped it.
+    grips = []
+    for frame in range(taken + 8, placed):
+        palm = np.append(np.array(evaluated_palm(character, "Right", frame)), 1.0)
+        held = at(room, frame)
+        turn = held[:3, :3] / np.linalg.norm(held[:3, :3], axis=0)
+        grips.append(turn.T @ (palm[:3] - held[:3, 3]))
+    assert np.linalg.norm(np.array(grips) - grips[0], axis=1).max() < 0.015
+    assert session.belongs_to_cues(bpy.context, report)
+    keyed = room.animation_data.action
+    assert keyed.name.startswith("Cup in ")
+
+    # Once more, from another frame in the middle: it is read as it stands at first, and no remark is made of it.
+    bpy.context.scene.frame_set(placed + 5)
+    request, notes = session.read_request(bpy.context)
+    assert request.task["things"][0]["position"] == pytest.approx([1.62, -0.2, 0.80], abs=1e-5)
+    assert not [name for name, _ in notes if "Cup" in name]
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    again = current_action()
+    assert room.animation_data.action not in {keyed, None}
+    assert len(bpy.data.actions) == 4
+
+    # Another take is another's keys; a thing of no take stands as it stood.
+    assert bpy.ops.oncue.play_take(name=take.name) == {"FINISHED"}
+    assert room.animation_data.action == keyed
+    assert bpy.ops.oncue.copy_take() == {"FINISHED"}
+    assert room.animation_data.action not in {keyed, None}
+    assert at(room, placed + 30)[:3, 3] == pytest.approx(stands[:3, 3], abs=1e-5)
+    for name in (again.name, take.name, current_action().name):
+        assert bpy.ops.oncue.discard_take(name=name) == {"FINISHED"}
+    assert room.animation_data is None or room.animation_data.action is None
+    assert len(bpy.data.actions) == 0
+    assert at(room, placed + 30) == pytest.approx(before, abs=1e-6)
+
+
+def test_what_cannot_be_taken_is_a_sentence_and_leaves_the_file(oncue, objects, room):
+    def refused(words):
+        with pytest.raises(oncue("errors").SceneError, match=words):
+            read(oncue)
+
+    take, put = bpy.data.objects["Take Cup"], bpy.data.objects["Put Cup"]
+    take["oncue_step"] = 0
+    refused("Take Cup comes before any Sit or Stop cue")
+    take["oncue_step"] = 2
+    take["oncue_hand"] = "third"
+    refused("Take Cup does not say which hand takes Cup")
+    take["oncue_hand"] = "right"
+    room.keyframe_insert("location", frame=1)
+    room.location.x += 1
+    room.keyframe_insert("location", frame=40)
+    bpy.context.view_layer.update()
+    refused("Take Cup takes Cup, which moves by itself")
+    room.animation_data_clear()
+    # What the core sees before anything is played.
+    room.scale = (1.2, 0.9, 0.9)
+    before = datablocks()
+    with pytest.raises(RuntimeError, match="‘Cup’ is too big for ‘Take Cup’"):
+        bpy.ops.oncue.synthesize()
+    room.scale = (0.08, 0.08, 0.10)
+    put.hide_set(True)
+    second = add_cube("Second", (1.7, 0.2, 0.80), (0.08, 0.08, 0.10))
+    pick(second)
+    bpy.ops.oncue.place_take(hand="both")
+    with pytest.raises(RuntimeError, match="the right hand carries ‘Cup’"):
+        bpy.ops.oncue.synthesize()
+    bpy.data.objects.remove(bpy.data.objects["Take Second"])
+    bpy.data.objects.remove(second)
+    assert {kind: before[kind] for kind in ("actions", "armatures")} == {
+        kind: datablocks()[kind] for kind in ("actions", "armatures")
+    }
+    bpy.data.objects.remove(room)
+    refused("Take Cup is about a thing that is not there any more")
+
+
+def test_buttons_want_a_thing(room):
+    pick(bpy.data.objects["Put Cup"])
+    with pytest.raises(RuntimeError, match="Select the thing that is to be taken"):
+        bpy.ops.oncue.place_take(hand="left")
+    with pytest.raises(RuntimeError, match="Nothing is in a hand by then"):
+        bpy.ops.oncue.place_put()
+    empty = bpy.data.objects.new("Nothing", None)
+    bpy.context.scene.collection.objects.link(empty)
+    pick(empty)
+    with pytest.raises(RuntimeError, match="has no mesh to take hold of"):
+        bpy.ops.oncue.place_take(hand="left")
+    assert "Take Nothing" not in bpy.data.objects
+
+
+def test_where_to_stand_is_found(oncue, objects):
+    """Before the cup on the table and on this side of it, then before the shelf; where there is no room, a sentence."""
+    shown = oncue("bridge.shown_cues")
+    add_floor()
+    add_cube("Table", (1.85, -0.2, 0.375), (0.7, 1.6, 0.75))
+    add_cube("Shelf", (-2.6, 0.0, 0.5), (0.4, 1.0, 1.0))
+    cup = add_cube("Cup", (1.62, -0.2, 0.80), (0.08, 0.08, 0.10))
+    pick(cup)
+    with pytest.raises(RuntimeError, match="Place the Start cue first"):
+        bpy.ops.oncue.place_take(hand="right")
+    assert "Take Cup" not in bpy.data.objects
+    objects.make_cue(bpy.context, "start", (0.0, -1.5, 0), 2.5)
+    pick(cup)
+    assert bpy.ops.oncue.place_take(hand="right") == {"FINISHED"}
+    bpy.context.scene.cursor.location = (-2.5, 0.1, 1.2)
+    assert bpy.ops.oncue.place_put() == {"FINISHED"}
+    order = [cue.name for cue in shown.played_cues(bpy.context)]
+    assert order == ["Stop", "Take Cup", "Stop.001", "Put Cup"]
+    for name, thing in (("Stop", "Take Cup"), ("Stop.001", "Put Cup")):
+        stop, what = bpy.data.objects[name], bpy.data.objects[thing]
+        way = what.matrix_world.translation - stop.matrix_world.translation
+        assert 0.39 < way.xy.length < 0.63
+        assert stop.matrix_world.translation.z == pytest.approx(0.0, abs=1e-6)
+        ahead = objects.forward_of(stop.matrix_world)
+        assert ahead.xy.angle(way.xy) < 0.01
+        assert 1.5 - 0.24 > stop.location.x > -2.4 + 0.24
+    # Within reach of a stop no other is made.
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    report = oncue("bridge.session").report_of(current_action())
+    assert report["success"], report["problems"]
+    assert report["things"][0]["put_cm"] < 1
+    # Walls all around: nobody stands there.
+    bpy.data.objects.remove(bpy.data.objects["Put Cup"])
+    for x, y, sx, sy in ((1.0, -0.2, 0.1, 3.0), (1.6, 0.7, 1.4, 0.1), (1.6, -1.1, 1.4, 0.1), (2.3, -0.2, 0.1, 3.0)):
+        add_cube("Wall", (x, y, 1.0), (sx, sy, 2.0))
+    add_cube("Crate", (1.3, -0.2, 0.3), (0.4, 1.6, 0.6))
+    bpy.context.scene.cursor.location = (1.7, 0.1, 1.2)
+    with pytest.raises(RuntimeError, match="Nobody can stand within reach of Put Cup"):
+        bpy.ops.oncue.place_put()
+    assert "Put Cup" not in bpy.data.objects
