@@ -356,7 +356,10 @@ def synthesize(session: nox.Session) -> None:
 
 @nox.session
 def fixtures(session: nox.Session) -> None:
-    """Blend files with cues in place: the own rooms, or `-- --room ROOM.glb --tasks rooms.tsv --out DIR`."""
+    """Blend files with cues in place: the own rooms, or `-- --room ROOM.glb --tasks rooms.tsv --out DIR`.
+
+    With `--shots shots.tsv` in place of the tasks, those of that room's shots (blend_fixtures/shots.py).
+    """
     python = blender_environment(session, blenders(session)[-1])
     arguments = session.posargs or ["--out", str(LOCAL / "rooms")]
     session.run(str(python), "blend_fixtures/make_fixtures.py", *arguments)

@@ -571,7 +571,7 @@ def shot_report(reports: list[dict], refused: list[tuple[str, str]], seed: int) 
         "success": all(report["success"] for report in reports) and not refused,
         "problems": [f"{person}: {problem}" for person, problem in [*said, *refused]],
         "seed": seed,
-        "cues": [cue for report in reports for cue in report["cues"]],
+        "cues": [{"person": report["extension"]["person"], **cue} for report in reports for cue in report["cues"]],
         "people": [*reports, *alone],
     }
 
