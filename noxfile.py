@@ -439,6 +439,14 @@ def sheets(session: nox.Session) -> None:
 
 
 @nox.session
+def shots(session: nox.Session) -> None:
+    """docs/shots.md: whole shots, one to three people, in real rooms; `-- --only ROOM-SHOT` for some, `--keep`."""
+    python = blender_environment(session, blenders(session)[-1], build_wheel(session))
+    tools = environment(session, "tools", ["pillow"])
+    session.run(str(tools), "tools/shots_table.py", "--python", str(python), *session.posargs)
+
+
+@nox.session
 def evaluate(session: nox.Session) -> None:
     """Replays the paper's tables on real rooms (tools/evaluation); `-- --quick` for a few tasks."""
     python, wheel = environment(session, "evaluate", EVALUATION), build_wheel(session)
