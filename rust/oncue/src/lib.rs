@@ -87,6 +87,7 @@ mod synthesizer;
 mod test_world;
 mod timing;
 pub mod together;
+pub mod ways;
 
 pub use action::{ActionLabel, ActionType};
 pub use cue::{
@@ -106,3 +107,4 @@ pub use synthesize::{
     Around, Measured, Synthesis, measure, measure_performance, synthesize, synthesize_along,
 };
 pub use together::perform_together;
+pub use ways::{PersonWays, StepWay, Ways, ways};

@@ -259,14 +259,19 @@ impl Means<'_> {
 /// # Errors
 /// `Input` or `Unreachable`, naming the cue.
 pub fn check_performance(scene: &SceneIndex, performance: &Performance) -> Result<()> {
+    check_steps(performance)?;
+    tasks_of(performance).iter().try_for_each(|task| check_task(scene, task))?;
+    check_times(performance)
+}
+
+/// The part of it that no scene is needed for, times aside.
+pub(crate) fn check_steps(performance: &Performance) -> Result<()> {
     if performance.steps.is_empty() {
         return Err(Error::input(format!(
             "Start ‘{}’ has no cue to go to; add a stop or a sit.",
             performance.start.name
         )));
     }
-    let floor = performance.start.position.z;
-    let mut start = performance.start.clone();
     for step in &performance.steps {
         if let Some(seconds) = step.hold_seconds.filter(|s| !(0.0..=600.0).contains(s)) {
             return Err(Error::input(format!(
@@ -274,15 +279,23 @@ pub fn check_performance(scene: &SceneIndex, performance: &Performance) -> Resul
                 step.cue.name
             )));
         }
-        let (passes, cue) = (step.passes.clone(), step.cue.clone());
-        let task = Task { start, passes, cue, manipulations: Vec::new() };
-        check_task(scene, &task)?;
-        // As whoever has met it: which posture it is plays no part here.
+    }
+    Ok(())
+}
+
+/// A performance's steps, each begun by whoever has met the cue before.
+pub(crate) fn tasks_of(performance: &Performance) -> Vec<Task> {
+    let floor = performance.start.position.z;
+    let mut start = performance.start.clone();
+    let task = |step: &Step| {
+        // Which posture it is plays no part.
         let mut posture = Posture::default().moved(Planar::default(), step.cue.planar());
         posture.root_position.z += floor;
-        start = continuing(&step.cue, [posture; 2], [1.0; 2], floor);
-    }
-    check_times(performance)
+        let next = continuing(&step.cue, [posture; 2], [1.0; 2], floor);
+        let start = std::mem::replace(&mut start, next);
+        Task { start, passes: step.passes.clone(), cue: step.cue.clone(), manipulations: Vec::new() }
+    };
+    performance.steps.iter().map(task).collect()
 }
 
 /// The seed of a performance's step.
