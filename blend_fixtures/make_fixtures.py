@@ -32,9 +32,15 @@ sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve
 import furniture as f  # noqa: E402
 from articulated import object_task  # noqa: E402
 from openings import read_openings  # noqa: E402
-from shots import START, BadTable, Row, Shot, read_shots  # noqa: E402
+from shots import LOOK, START, BadTable, Row, Shot, read_shots  # noqa: E402
 
-from addon.bridge.cue_objects import PELVIS_OVER_SEAT, make_cue, yaw_from_heading  # noqa: E402
+from addon.bridge.cue_objects import (  # noqa: E402
+    PELVIS_OVER_SEAT,
+    hang_on,
+    make_cue,
+    middle_of,
+    yaw_from_heading,
+)
 from addon.bridge.names import AT_FRAME_KEY, HOLD_KEY, PERSON_KEY, STEP_KEY  # noqa: E402
 from addon.bridge.seat_finder import Seat, seat_below, seat_of_selection, surface_below  # noqa: E402
 from addon.errors import SceneError  # noqa: E402
@@ -253,10 +259,13 @@ def shot_scene(room: Path, table: Path, shot: Shot) -> None:
         for at, (row, (place, heading)) in enumerate(zip(rows, places, strict=True)):
             if heading is None:
                 # Towards the first cue from the start, and elsewhere as one comes there.
-                there = [place for place, _ in places]
-                way = there[1] - place if at == 0 else place - there[at - 1]
+                there = [place for (place, _), other in zip(places, rows, strict=True) if other.kind != LOOK]
+                came = sum(other.kind != LOOK for other in rows[:at])
+                way = there[1] - place if at == 0 else place - there[came - 1]
                 heading = math.atan2(way.y, way.x)
             cue = make_cue(bpy.context, row.kind, place, yaw_from_heading(heading), name=row.name)
+            if row.kind == LOOK and row.x is None:
+                hang_on(bpy.context, cue, scene.objects[row.object.split(":")[0]])
             if row.kind == START:
                 start_cue = cue
                 continue
@@ -284,6 +293,8 @@ def _places(table: Path, scene: bpy.types.Scene, rows: tuple[Row, ...]) -> list[
             place = seat.pelvis.copy() if row.x is None or row.z is None else place
             heading = seat.yaw - math.pi / 2 if heading is None else heading
             place.z = place.z if row.z is None else row.z
+        elif row.kind == LOOK:
+            place = middle_of(thing) if row.x is None and thing is not None else place
         elif row.z is None:
             # On the floor that one starts on; a start stands on what is there.
             place.z = surface_below(bpy.context, place).z if floor is None else floor

@@ -5,12 +5,13 @@ One row a cue, tab-separated, any number of rooms and shots in one file:
 
     room shot person step kind x y z heading_deg hold_s at_frame object
 
-`kind` is start, pass, stop or sit. `x y z` is the pelvis joint's target of a sit, the floor of all else; metres.
-`heading_deg` is the angle of the forward direction from +X, counter-clockwise from above. `hold_s` is how long a
-person stays at a stop or a sit, `at_frame` the frame of the scene on which it is to be reached. `step` says in which
-order a person's cues are played; the start needs none. `object` names something in the room that the row is about. A
-field that is empty is left free: the facing, and the height, are then those that the button would give; a sit with an
-object and without x and y is where one sits on it. Lines that begin with # are remarks.
+`kind` is start, pass, stop, sit or look. `x y z` is the pelvis joint's target of a sit, the place that is looked at,
+the floor of all else; metres. `heading_deg` is the angle of the forward direction from +X, counter-clockwise from
+above. `hold_s` is how long a person stays at a stop or a sit, or looks, `at_frame` the frame of the scene on which a
+stop or a sit is to be reached. `step` says in which order a person's cues are played; the start needs none. `object`
+names something in the room that the row is about. A field that is empty is left free: the facing, and the height, are
+then those that the button would give; a sit with an object and without x and y is where one sits on it, and a look then
+goes along with its middle. Lines that begin with # are remarks.
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 COLUMNS = ("room", "shot", "person", "step", "kind", "x", "y", "z", "heading_deg", "hold_s", "at_frame", "object")
-START, PASS = "start", "pass"
+START, PASS, LOOK = "start", "pass", "look"
 #: What a person stays at.
 ENDS = ("stop", "sit")
-KINDS = (START, PASS, *ENDS)
+KINDS = (START, PASS, *ENDS, LOOK)
 
 #: Frames on which something can be asked for: a motion begins on the first, and Blender has no later ones.
 FRAMES = (2, 1_048_574)
@@ -70,7 +71,8 @@ class Shot:
 
     @property
     def cues(self) -> list[Row]:
-        return [row for person in self.people for row in person[1:]]
+        """What the people come to; not what they look at."""
+        return [row for person in self.people for row in person[1:] if row.kind != LOOK]
 
 
 class BadTable(SystemExit):
@@ -151,18 +153,21 @@ def _row(table: Path, line: int, cells: dict[str, str]) -> Row:
     if step is None and kind != START:
         raise refused(f"this {kind} has no step, which says when {person} does it.")
     x, y, object_name = number("x"), number("y"), cells["object"]
-    on_object = kind == "sit" and object_name and x is None and y is None
+    of_object = {"sit": "to sit on", LOOK: "to look at"}.get(kind)
+    on_object = of_object and object_name and x is None and y is None
     if (x is None or y is None) and not on_object:
-        raise refused(f"this {kind} has no x and y" + (", and names no object to sit on." if kind == "sit" else "."))
+        raise refused(f"this {kind} has no x and y" + (f", and names no object {of_object}." if of_object else "."))
+    if kind == LOOK and x is not None and number("z") is None:
+        raise refused("this look has no z: nobody could tell how high it is.")
     hold, at_frame = number("hold_s"), whole("at_frame")
-    for column, value in (("hold_s", hold), ("at_frame", at_frame)):
-        if value is not None and kind not in ENDS:
-            raise refused(f"a {kind} has no {column}: only {' and '.join(ENDS)} have.")
+    for column, value, having in (("hold_s", hold, (*ENDS, LOOK)), ("at_frame", at_frame, ENDS)):
+        if value is not None and kind not in having:
+            raise refused(f"a {kind} has no {column}: only {' and '.join(having)} have.")
     if hold is not None and not 0.0 <= hold <= 600.0:
         raise refused(f"hold_s is {hold:g}: give 0 to 600.")
     if at_frame is not None and not FRAMES[0] <= at_frame <= FRAMES[1]:
         raise refused(f"at_frame is {at_frame}, and the motion begins on frame 1: give {FRAMES[0]} to {FRAMES[1]}.")
-    heading = None if kind == PASS else number("heading_deg")
+    heading = None if kind in (PASS, LOOK) else number("heading_deg")
     places = (x, y, number("z"), heading, hold, at_frame)
     return Row(line, cells["room"], cells["shot"], person, kind, step or 0, *places, object_name)
 
@@ -187,10 +192,11 @@ def _shot(table: Path, rows: list[Row]) -> Shot:
 
 def _check_order(table: Path, start: Row, cues: list[Row]) -> None:
     """Whether a person's cues, in order, can be played one after the other."""
-    if not cues:
-        raise BadTable(f"{table}, line {start.line}: {start.person} starts and has nothing to do.")
-    if cues[-1].kind == PASS:
-        raise BadTable(f"{table}, line {cues[-1].line}: nothing follows this pass; give it a stop or a sit.")
+    played = [row for row in cues if row.kind != LOOK]
+    if not played:
+        raise BadTable(f"{table}, line {start.line}: {start.person} starts and has nowhere to go.")
+    if played[-1].kind == PASS:
+        raise BadTable(f"{table}, line {played[-1].line}: nothing follows this pass; give it a stop or a sit.")
     if cues[0].step < start.step:
         raise BadTable(f"{table}, line {cues[0].line}: step {cues[0].step} of {start.person} comes before the start.")
     timed: Row | None = None

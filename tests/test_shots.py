@@ -51,6 +51,14 @@ def test_people_and_cues_come_in_their_order(table):
     assert read_shots(table(), "attic") == [alone]
 
 
+def test_a_look_is_a_row_of_its_own(table):
+    (alone,) = read_shots(table({3: f"{ROWS[1]}\nhall\tmeet\tAnn\t3\tlook\t\t\t\t\t2\t\tSofa"}), "attic")
+    assert len(alone.cues) == 1
+    (meet,) = read_shots(table({3: f"{ROWS[1]}\nhall\tmeet\tAnn\t3\tlook\t\t\t\t\t2\t\tSofa"}), "hall")
+    assert [row.kind for row in meet.people[0]] == ["start", "pass", "sit", "look"]
+    assert (meet.people[0][3].hold, meet.people[0][3].object, len(meet.cues)) == (2.0, "Sofa", 4)
+
+
 def test_remarks_and_empty_lines_count_as_lines(table):
     path = table({3: f"# a remark\n\n{ROWS[1]}", 7: ROWS[5].replace("\tsit\t", "\tlie\t")})
     with pytest.raises(BadTable, match=r"line 9: kind is “lie”"):
@@ -60,7 +68,7 @@ def test_remarks_and_empty_lines_count_as_lines(table):
 @pytest.mark.parametrize(
     ("line", "row", "said"),
     [
-        (4, "hall\tmeet\tAnn\t1\tlook\t0\t1", "line 4: kind is “look”, which a shot cannot have; give one of start, "),
+        (4, "hall\tmeet\tAnn\t1\thand\t0\t1", "line 4: kind is “hand”, which a shot cannot have; give one of start, "),
         (4, "hall\tmeet\tAnn\t1\t\t0\t1", "line 4: kind is “”"),
         (4, "hall\tmeet\tAnn\t\tstart\t0\t1\t0\t0", "line 4: Ann starts on line 2 already"),
         (4, "hall\tmeet\tEve\t1\tstop\t0\t1\t0\t0", "line 4: nobody named Eve starts in shot meet of hall"),
@@ -82,7 +90,11 @@ def test_remarks_and_empty_lines_count_as_lines(table):
         (3, "hall\tmeet\tAnn\t2\tsit\t1\t2\t0.55\t\t601", "line 3: hold_s is 601: give 0 to 600"),
         (7, ROWS[5].replace("240", "120"), "line 7: at_frame 120 of step 7 is not after 120, which step 4 on line 6"),
         (7, ROWS[5].replace("240", "1"), "line 7: at_frame is 1, and the motion begins on frame 1"),
-        (9, None, "line 8: Cid starts and has nothing to do"),
+        (9, None, "line 8: Cid starts and has nowhere to go"),
+        (9, "attic\talone\tCid\t1\tlook\t2\t0\t1", "line 8: Cid starts and has nowhere to go"),
+        (4, "hall\tmeet\tAnn\t1\tlook\t0\t1", "line 4: this look has no z"),
+        (4, "hall\tmeet\tAnn\t1\tlook", "line 4: this look has no x and y, and names no object to look at"),
+        (4, "hall\tmeet\tAnn\t1\tlook\t0\t1\t1\t\t\t90", "line 4: a look has no at_frame: only stop and sit have"),
     ],
 )
 def test_a_bad_row_is_named(table, line, row, said):

@@ -139,6 +139,8 @@ def test_a_shot_has_its_people_and_cues(fixtures, oncue, read, hall, tmp_path):
         "hall|meet|Ann||start|-2|-2",
         "hall|meet|Ann|5|stop|-2|1||||140",
         "hall|meet|Ann|9|sit|||||2.5|300|Stool",
+        "hall|meet|Ann|7|look|||||||Bench",
+        "hall|meet|Ann|12|look|1|2|1.5||2",
         "hall|meet|Ben||start|2|-2||180",
         "hall|meet|Ben|2|sit|0|2|||0",
         "hall|meet|Ben|1|pass|0|-1",
@@ -165,6 +167,11 @@ def test_a_shot_has_its_people_and_cues(fixtures, oncue, read, hall, tmp_path):
     assert [step["at_seconds"] for step in (stop, on_stool)] == [pytest.approx(139 / 30), pytest.approx(299 / 30)]
     assert (stop["hold_seconds"], on_stool["hold_seconds"]) == (None, 2.5)
     assert on_stool["cue"]["position"] == pytest.approx([1, 1, 0.58], abs=0.02)
+    bench, last = ann["looks"]
+    assert (bench["name"], bench["after"], last["after"], last["hold_seconds"]) == ("Ann 7 Look", 1, 2, 2.0)
+    assert bench["path"][0][:2] == pytest.approx([0, 2], abs=0.05)
+    assert scene.objects["Ann 7 Look"].parent == scene.objects["Bench"]
+    assert last["path"] == [pytest.approx([1, 2, 1.5])]
     on_bench, end = ben["steps"]
     assert [cue["position"] for cue in on_bench["passes"]] == [pytest.approx([0, -1, 0.04], abs=1e-5)]
     # Away from the wall, which stands behind the bench, and on its seat.

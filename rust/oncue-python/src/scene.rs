@@ -111,7 +111,7 @@ pub fn find_ways(scene: &SceneIndex, task: Asked<'_>) -> PyResult<Job> {
         Asked::OfOne(dict) => {
             let Task { start, passes, cue, manipulations } = json::from_dict("task", &dict)?;
             let step = Step { passes, cue, hold_seconds: None, at_seconds: None, manipulations };
-            vec![Performance { start, steps: vec![step] }]
+            vec![Performance { start, steps: vec![step], looks: Vec::new() }]
         }
         Asked::OfSeveral(people) => performances_of(&people)?,
     };

@@ -63,7 +63,7 @@ fn main() -> Result<(), AnyError> {
                 manipulations: Vec::new(),
             });
         }
-        let performance = Performance { start: room[0].task.start.clone(), steps };
+        let performance = Performance { start: room[0].task.start.clone(), steps, looks: Vec::new() };
         let begun = Instant::now();
         let made =
             match perform(None, &scene, &database, &performance, None, None, &settings, seed, &progress) {

@@ -51,7 +51,8 @@ fn main() -> Result<(), AnyError> {
                 at_seconds,
                 manipulations: Vec::new(),
             };
-            let performance = Performance { start: row.task.start.clone(), steps: vec![step] };
+            let performance =
+                Performance { start: row.task.start.clone(), steps: vec![step], looks: Vec::new() };
             perform(None, &scene, &database, &performance, earlier, None, &settings, seed, &progress)
         };
         let free = match play(None, None) {

@@ -63,7 +63,7 @@ fn main() -> Result<(), AnyError> {
                         passes: Vec::new(),
                         manipulations: Vec::new(),
                     };
-                    Performance { start, steps: vec![step] }
+                    Performance { start, steps: vec![step], looks: Vec::new() }
                 })
                 .collect();
             let places: Vec<Vec3> = both.iter().flat_map(Performance::places).collect();
@@ -106,6 +106,7 @@ fn hall(people: usize, settings: &Settings) -> Result<(SceneIndex, Vec<Performan
                 passes: Vec::new(),
                 manipulations: Vec::new(),
             }],
+            looks: Vec::new(),
         }
     });
     Ok((scene, crossing.collect()))

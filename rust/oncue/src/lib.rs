@@ -91,8 +91,8 @@ pub mod ways;
 
 pub use action::{ActionLabel, ActionType};
 pub use cue::{
-    ActionCue, BodyState, CueKind, Hand, InitialState, ManipulationCue, Moments, PassCue, Performance, Step,
-    Task,
+    ActionCue, BodyState, CueKind, Hand, InitialState, LookCue, ManipulationCue, Moments, PassCue,
+    Performance, Step, Task,
 };
 pub use error::{Error, Result};
 pub use glam;

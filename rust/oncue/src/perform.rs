@@ -6,17 +6,17 @@
 use std::collections::BTreeMap;
 
 use crate::controller::{EpisodeEnd, StoredPolicy};
-use crate::cue::{ActionCue, BodyState, InitialState, Performance, Step, Task};
+use crate::cue::{ActionCue, BodyState, InitialState, LookCue, Moments, Performance, Step, Task};
 use crate::error::{Error, Result};
 use crate::figures::{Company, Other, StyleValues, Surroundings};
 use crate::library::database::MotionDatabase;
-use crate::life::{Pause, pause};
+use crate::life::{Gaze, GazeFigures, Pause, look, pause};
 use crate::manifold::Manifold;
 use crate::math::Planar;
-use crate::metrics::speed_figures;
+use crate::metrics::{passed, speed_figures};
 use crate::motion::{FRAME_RATE, Motion, Posture};
 use crate::progress::Progress;
-use crate::report::{Report, StepReport};
+use crate::report::{LookReport, Report, StepReport};
 use crate::scene::{SceneIndex, check_task};
 use crate::settings::Settings;
 use crate::synthesize::{
@@ -179,10 +179,17 @@ impl Means<'_> {
         let may_wait = task.manipulations.is_empty();
         let most_wait = if may_wait { (LONGEST_WAIT * FRAME_RATE) as usize } else { 0 };
         let company = Company { most_wait, ..*company };
-        let play = |scene: &SceneIndex| {
+        let play = |scene: &SceneIndex, learnt: Option<&StoredPolicy>| {
             let company = Some(company);
-            synthesize_among(manifold, scene, None, database, task, stored, settings, seed, company, progress)
+            // What was learnt for one way round is tried on the next, and no more is learnt for the step.
+            let mut settings = settings.clone();
+            settings.ppo.updates = if learnt.is_some() { 0 } else { settings.ppo.updates };
+            let stored = learnt.or(stored);
+            synthesize_among(
+                manifold, scene, None, database, task, stored, &settings, seed, company, progress,
+            )
         };
+        let mut learnt: Option<StoredPolicy> = None;
         let places = task.places();
         let flies: f32 = places.windows(2).map(|way| way[0].distance(way[1])).sum();
         let lasts = STEP_SECONDS.0 * flies + STEP_SECONDS.1 + settings.synthesizer.hold_seconds;
@@ -191,15 +198,18 @@ impl Means<'_> {
         let mut best: Option<(Synthesis, Option<usize>)> = None;
         for detour in 0..=DETOURS {
             let crowded = if solids.is_empty() { None } else { Some(scene.with(&solids, progress)?) };
-            let made = match play(crowded.as_ref().unwrap_or(scene)) {
+            let made = match play(crowded.as_ref().unwrap_or(scene), learnt.as_ref()) {
                 // Whoever stays in the only way may leave it, and is met where not.
                 Err(Error::Input(_) | Error::Unreachable(_)) if crowded.is_some() && detour == 0 => {
                     solids.clear();
-                    play(scene)?
+                    play(scene, learnt.as_ref())?
                 }
                 Err(Error::Input(_) | Error::Unreachable(_)) if best.is_some() => break,
                 made => made?,
             };
+            if made.report.updates > 0 {
+                learnt = Some(made.policy.clone());
+            }
             let wait = company.wait(&made.motion);
             let known = solids.len();
             company.in_the_way(&made.motion, &places, ROOM, &mut solids);
@@ -277,6 +287,21 @@ pub(crate) fn check_steps(performance: &Performance) -> Result<()> {
             return Err(Error::input(format!(
                 "The person is to stay {seconds} seconds at cue ‘{}’; give 0 to 600.",
                 step.cue.name
+            )));
+        }
+    }
+    let cues: usize = performance.steps.iter().map(|step| step.passes.len() + 1).sum();
+    for look in &performance.looks {
+        if look.path.is_empty() || look.path.iter().any(|place| !place.is_finite()) || look.after > cues {
+            return Err(Error::input(format!(
+                "‘{}’ cannot be looked at: it has no place, one that is not a number, or comes after more cues than there are.",
+                look.name
+            )));
+        }
+        if let Some(seconds) = look.hold_seconds.filter(|s| !(0.0..=600.0).contains(s)) {
+            return Err(Error::input(format!(
+                "‘{}’ is to be looked at for {seconds} seconds; give 0 to 600.",
+                look.name
             )));
         }
     }
@@ -386,12 +411,14 @@ fn joined(
             shortest_path_m,
         });
     }
+    let looks = looked(&mut motion, timing, performance, &moments)?;
     progress.stage("Measuring");
     let around = Around { scene: Some(scene), moving: &[], wait: 0, database: Some(database) };
     let measured = measure_performance(&motion, &around, performance, &moments, settings);
     let mut problems: Vec<String> = steps.iter().flat_map(|step| step.made.not_done.clone()).collect();
     problems.extend(stopped.into_iter().chain(unplayed(performance, steps.len())));
     problems.extend(unpunctual(performance, &moments));
+    problems.extend(looks.iter().filter_map(unseen));
     problems.extend(measured.body.problems(&settings.report));
 
     let all = || steps.iter().map(|step| &step.made.report);
@@ -426,10 +453,76 @@ fn joined(
         rollouts_succeeded: all().map(|r| r.rollouts_succeeded).sum(),
         curve: all().flat_map(|r| r.curve.clone()).collect(),
         steps: told,
+        looks,
         settings: Settings { scene: scene.settings().clone(), ..settings.clone() },
         ..first.clone()
     };
     Ok(Performed { motion, report, steps })
+}
+
+/// Has the person look at what they are to, as far as the performance was played; `moments`: of each of its steps that was.
+fn looked(
+    motion: &mut Motion,
+    timing: &Timing,
+    performance: &Performance,
+    moments: &[Moments],
+) -> Result<Vec<LookReport>> {
+    if performance.looks.is_empty() {
+        return Ok(Vec::new());
+    }
+    timing.progress.stage("Looking");
+    // When each cue, waypoints among them, is met.
+    let (mut met, mut first) = (Vec::new(), 0);
+    for (step, moments) in performance.steps.iter().zip(moments) {
+        met.extend(passed(&step.passes, motion, first, moments.complete).iter().map(|pass| pass.frame));
+        met.push(moments.complete);
+        first = moments.complete;
+    }
+    let (looks, gazes): (Vec<&LookCue>, Vec<Gaze>) = performance
+        .looks
+        .iter()
+        .filter_map(|look| {
+            let first = if look.after == 0 { 0 } else { *met.get(look.after - 1)? };
+            let lasts = look.hold_seconds.map(|seconds| first + (seconds * FRAME_RATE).round() as usize);
+            let end = lasts.or(met.get(look.after).copied()).unwrap_or(motion.len()).min(motion.len());
+            Some((look, Gaze { frames: first.min(end)..end, path: &look.path }))
+        })
+        .unzip();
+    let around = Surroundings::with(timing.scene, performance.seats(moments));
+    let told = look(motion, &gazes, &around, timing.floor, timing.progress)?;
+    let report = |((cue, gaze), told): ((&LookCue, &Gaze), GazeFigures)| LookReport {
+        look: cue.name.clone(),
+        first: gaze.frames.start,
+        end: gaze.frames.end,
+        met: told.met,
+        turning: told.turning,
+        behind: told.behind,
+        held: told.held,
+    };
+    Ok(looks.into_iter().zip(&gazes).zip(told).map(report).collect())
+}
+
+/// What is said of something that was not looked at for most of the time in which it could have been.
+fn unseen(look: &LookReport) -> Option<String> {
+    let seconds = |frames: usize| frames as f32 / FRAME_RATE;
+    let (name, lasts) = (&look.look, look.end - look.first);
+    if 2 * look.met >= lasts - look.turning && look.met > 0 {
+        return None;
+    }
+    let of = format!("‘{name}’ is looked at for {:.1} of {:.1} s", seconds(look.met), seconds(lasts));
+    Some(if look.turning >= look.behind.max(look.held) {
+        format!("{of}, which is too short to turn there; give it longer.")
+    } else if look.behind >= look.held {
+        format!(
+            "{of}: for {:.1} s it lies behind the person, farther round than head and chest turn; turn the cue that comes before it,              or move what is looked at.",
+            seconds(look.behind)
+        )
+    } else {
+        format!(
+            "{of}: for {:.1} s the head does not get there, as it lies too high or too low, or what stands around is in the way; move              it.",
+            seconds(look.held)
+        )
+    })
 }
 
 /// What is said where a performance ends after so many steps, and not all are played.

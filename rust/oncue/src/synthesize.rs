@@ -209,6 +209,7 @@ pub(crate) fn synthesize_among(
         cues,
         action_from: moments.action_from,
         steps: Vec::new(),
+        looks: Vec::new(),
         others: None,
         foot,
         penetration: penetration.unwrap_or_default(),

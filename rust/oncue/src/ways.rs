@@ -142,7 +142,11 @@ mod tests {
     }
 
     fn from(x: f32, y: f32, steps: Vec<Step>) -> Performance {
-        Performance { start: InitialState::standing("Start", Vec3::new(x, y, 0.0), 0.0), steps }
+        Performance {
+            start: InitialState::standing("Start", Vec3::new(x, y, 0.0), 0.0),
+            steps,
+            looks: Vec::new(),
+        }
     }
 
     /// A stool 45 cm high, and what else stands there.

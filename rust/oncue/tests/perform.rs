@@ -61,6 +61,7 @@ fn performance() -> Performance {
             step("Beside", ActionType::Stop, [-1.4, -0.8, 0.0], 1.5, None),
             step("Right", ActionType::Sit, [0.45, 2.12, 0.55], 0.0, None),
         ],
+        looks: Vec::new(),
     }
 }
 

@@ -71,6 +71,7 @@ fn walk(name: &str, from: [f32; 2], to: [f32; 2]) -> Performance {
     Performance {
         start: InitialState::standing(name, Vec2::from(from).extend(0.0), yaw),
         steps: vec![step(&format!("{name}'s stop"), ActionType::Stop, [to[0], to[1], 0.0], yaw)],
+        looks: Vec::new(),
     }
 }
 
@@ -315,7 +316,7 @@ fn two_play_in_a_real_room(rooms: &Path) {
                 passes: Vec::new(),
                 manipulations: Vec::new(),
             };
-            Performance { start, steps: vec![step] }
+            Performance { start, steps: vec![step], looks: Vec::new() }
         })
         .collect();
     let places: Vec<Vec3> = people.iter().flat_map(Performance::places).collect();

@@ -49,8 +49,8 @@ mod triangle_tree;
 mod way;
 
 pub use capsule_depth::SceneContact;
-pub use check::{check_task, short_of_knee_room};
 pub(crate) use check::{Misfit, way_of};
+pub use check::{check_task, short_of_knee_room};
 pub use clear_path::{ApproachPoint, ClearPath};
 pub use moving::{BODY_REACH, MovingObject};
 pub use occupancy::OccupancyGrid;
