@@ -13,11 +13,12 @@ use crate::library::database::MotionDatabase;
 use crate::life::{Gaze, GazeFigures, Pause, look, pause};
 use crate::manifold::Manifold;
 use crate::math::Planar;
+use crate::math::curve::smoothstep;
 use crate::metrics::{passed, speed_figures};
 use crate::motion::{FRAME_RATE, Motion, Posture};
 use crate::progress::Progress;
 use crate::report::{LookReport, Report, StepReport};
-use crate::scene::{SceneIndex, check_task};
+use crate::scene::{ClearPath, SceneIndex, check_task};
 use crate::settings::Settings;
 use crate::synthesize::{
     Around, Synthesis, liveliness, measure_performance, segments, synthesize_along, synthesize_among,
@@ -118,13 +119,31 @@ pub(crate) fn perform_among(
                 let mut settings = settings.clone();
                 settings.synthesizer.hold_seconds = hold_seconds;
                 let Step { passes, cue, manipulations, .. } = step.clone();
-                let task = Task { start: start.clone(), passes, cue, manipulations };
                 let means = Means { settings: &settings, seed: step_seed(seed, at), ..*means };
-                let made = if others.is_empty() {
-                    means.alone(scene, &task).map(|made| (made, 0))
-                } else {
-                    means.among(&task, &Company { others, begins, stays: is_last, most_wait: 0 })
+                let play = |start: &InitialState, begins: usize| {
+                    let (passes, cue, manipulations) = (passes.clone(), cue.clone(), manipulations.clone());
+                    let task = Task { start: start.clone(), passes, cue, manipulations };
+                    if others.is_empty() {
+                        means.alone(scene, &task).map(|made| (made, 0))
+                    } else {
+                        means.among(&task, &Company { others, begins, stays: is_last, most_wait: 0 })
+                    }
                 };
+                let leaving = leaving_by_the_side(scene, &start, steps.last());
+                let by_the_side = match &leaving {
+                    Some((rest, stands)) => match play(stands, begins + rest.len()) {
+                        Err(Error::Cancelled) => return Err(Error::Cancelled),
+                        Ok((mut made, waited)) if made.end == EpisodeEnd::Complete => {
+                            put_before(&mut made, rest.clone());
+                            made.moments.stood_at = Some(rest.len());
+                            Some((made, waited))
+                        }
+                        // As if there were nothing in the way of the knees.
+                        _ => None,
+                    },
+                    None => None,
+                };
+                let made = by_the_side.map_or_else(|| play(&start, begins), Ok);
                 match made {
                     Err(Error::Cancelled) => return Err(Error::Cancelled),
                     Err(error) if at == 0 => return Err(error),
@@ -251,16 +270,95 @@ impl Means<'_> {
         let lively = rest(liveliness(self.settings))?;
         // Who is as near to somebody as can be keeps still.
         let rest = if company.is_free(&lively) { lively } else { rest(0.0)? };
-        made.motion.postures.splice(0..0, rest.postures);
-        made.motion.contacts.splice(0..0, rest.contacts);
-        made.moments = made.moments.each(|frame| frame + frames);
-        let report = &mut made.report;
-        report.frames += frames;
-        report.action_from = report.action_from.map(|frame| frame + frames);
-        report.cues.iter_mut().for_each(|cue| cue.frame += frames);
-        report.edited.iter_mut().for_each(|edited| edited.complete_frame += frames);
+        put_before(made, rest);
         Ok(())
     }
+}
+
+/// Has a motion come after another, whose last frame would be its first.
+fn put_before(made: &mut Synthesis, rest: Motion) {
+    let frames = rest.len();
+    made.motion.postures.splice(0..0, rest.postures);
+    made.motion.contacts.splice(0..0, rest.contacts);
+    made.moments = made.moments.each(|frame| frame + frames);
+    let report = &mut made.report;
+    report.frames += frames;
+    report.action_from = report.action_from.map(|frame| frame + frames);
+    report.cues.iter_mut().for_each(|cue| cue.frame += frames);
+    report.edited.iter_mut().for_each(|edited| edited.complete_frame += frames);
+}
+
+/// Who sits has settled so long after the sit is complete, frames; and whoever has settled otherwise since does so as then within
+/// so many.
+const SETTLED: usize = 50;
+const RESETTLES: usize = 24;
+/// Who sits still begins to move within so many frames.
+const SETS_IN: f32 = 16.0;
+/// A pelvis this much lower than where the sit is entered is on its way down, metres.
+const GOES_DOWN: f32 = 0.03;
+
+/// How somebody leaves a seat whose front is taken up, as a chair at its desk: as they came onto it, the other way round in time, since
+/// what got in between table and seat gets out again. Also who stands beside the seat then. None of another seat, or where it is not
+/// known how it was taken.
+///
+/// The motion begins with the first frame that the person is to have, and would end with the posture of who stands.
+fn leaving_by_the_side(
+    scene: &SceneIndex,
+    start: &InitialState,
+    before: Option<&PerformedStep>,
+) -> Option<(Motion, InitialState)> {
+    let (seat, body, made) = (start.seat()?, start.body.as_ref()?, &before?.made);
+    let entered = made.moments.action_from?;
+    if made.end != EpisodeEnd::Complete || !ClearPath::to_cue(scene, seat).from_the_side() {
+        return None;
+    }
+    let Motion { postures, contacts } = &made.motion;
+    let complete = made.moments.complete.min(made.motion.len() - 1);
+    // Where the person stood with both feet before it, as still as can be.
+    let least = postures[entered].root_position.z - GOES_DOWN;
+    let speed = |frame: &usize| {
+        postures[*frame].root_position.distance(postures[frame.saturating_sub(1)].root_position)
+    };
+    let stands = (entered..complete)
+        .take_while(|&frame| postures[frame].root_position.z > least)
+        .filter(|&frame| contacts[frame].iter().all(|contact| *contact >= 1.0))
+        .min_by(|a, b| speed(a).total_cmp(&speed(b)))
+        .unwrap_or(entered);
+    let settled = (complete + SETTLED).min(made.motion.len() - 1);
+    let way = (settled - stands) as f32;
+    let frames = (way + 0.5 * SETS_IN).ceil() as usize;
+    let posture = |frame: usize| {
+        let time = frame as f32;
+        let gone = if time < SETS_IN { time * time / (2.0 * SETS_IN) } else { time - 0.5 * SETS_IN };
+        let at = settled as f32 - gone.min(way);
+        let (one, other) = (&postures[at.floor() as usize], &postures[at.ceil() as usize]);
+        let as_then = blended(one, other, at.fract());
+        blended(&body.postures[1], &as_then, smoothstep(time / RESETTLES as f32))
+    };
+    let contact =
+        |frame: usize| contacts[settled - (frame.saturating_sub(SETS_IN as usize / 2)).min(settled - stands)];
+    let rest =
+        Motion { postures: (0..frames).map(posture).collect(), contacts: (0..frames).map(contact).collect() };
+    let floor = start.position.z;
+    let body = BodyState {
+        postures: [posture(frames.saturating_sub(1)), posture(frames)],
+        contact: contacts[stands],
+        seat: None,
+    };
+    Some((rest, InitialState::continuing(start.name.clone(), body, floor)))
+}
+
+/// A posture between two, `part` of the way from one to the other.
+fn blended(one: &Posture, other: &Posture, part: f32) -> Posture {
+    if part >= 1.0 {
+        return *other;
+    }
+    let mut out = *one;
+    out.root_position = one.root_position.lerp(other.root_position, part);
+    for (rotation, to) in out.rotations.iter_mut().zip(&other.rotations) {
+        *rotation = rotation.slerp(*to, part).normalize();
+    }
+    out
 }
 
 /// What can be known of a performance before anything is played: whether each cue can be met from where the one before is met, and at
@@ -514,12 +612,14 @@ fn unseen(look: &LookReport) -> Option<String> {
         format!("{of}, which is too short to turn there; give it longer.")
     } else if look.behind >= look.held {
         format!(
-            "{of}: for {:.1} s it lies behind the person, farther round than head and chest turn; turn the cue that comes before it,              or move what is looked at.",
+            "{of}: for {:.1} s it lies behind the person, farther round than head and chest turn; turn the cue that comes before it, \
+             or move what is looked at.",
             seconds(look.behind)
         )
     } else {
         format!(
-            "{of}: for {:.1} s the head does not get there, as it lies too high or too low, or what stands around is in the way; move              it.",
+            "{of}: for {:.1} s the head does not get there, as it lies too high or too low, or what stands around is in the way; move \
+             it.",
             seconds(look.held)
         )
     })
