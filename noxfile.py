@@ -652,7 +652,10 @@ def synthesize(session: nox.Session) -> None:
 
 @nox.session
 def fixtures(session: nox.Session) -> None:
-    """Blend files with cues in place: the own rooms, or `-- --room ROOM.glb --tasks rooms.tsv --out DIR`."""
+    """Blend files with cues in place: the own rooms, or `-- --room ROOM.glb --tasks rooms.tsv --out DIR`.
+
+    With `--shots shots.tsv` in place of the tasks, those of that room's shots (blend_fixtures/shots.py).
+    """
     python = blender_environment(session, blenders(session)[-1])
     arguments = session.posargs or ["--out", str(LOCAL / "rooms")]
     session.run(str(python), "blend_fixtures/make_fixtures.py", *arguments)
@@ -729,6 +732,14 @@ def sheets(session: nox.Session) -> None:
     python = blender_environment(session, blenders(session)[-1], build_wheel(session))
     tools = environment(session, "tools", ["pillow"])
     session.run(str(tools), "tools/motion_sheets.py", "--python", str(python), *session.posargs)
+
+
+@nox.session
+def shots(session: nox.Session) -> None:
+    """docs/shots.md: whole shots, one to three people, in real rooms; `-- --only ROOM-SHOT` for some, `--keep`."""
+    python = blender_environment(session, blenders(session)[-1], build_wheel(session))
+    tools = environment(session, "tools", ["pillow"])
+    session.run(str(tools), "tools/shots_table.py", "--python", str(python), *session.posargs)
 
 
 @nox.session

@@ -20,13 +20,14 @@ from .operators import (
     scene_setup,
     synthesize,
     takes,
+    ways,
 )
 
 #: In the order of registering: properties before what shows them, the job's handle before what uses it.
 MODULES = (
     *(properties, preferences, job_operator),
-    *(synthesize, follow, library, manifold, place_cues, scene_setup, own_rig, edit, policies, go_to_frame, takes),
-    *(guide, menus, panels, overlay, manual, translations),
+    *(synthesize, follow, ways, library, manifold, place_cues, scene_setup, own_rig, edit, policies, go_to_frame),
+    *(takes, guide, menus, panels, overlay, manual, translations),
 )
 
 _registered: list[ModuleType] = []

@@ -293,6 +293,14 @@ def redraw_sidebars(context: bpy.types.Context) -> None:
                         region.tag_redraw()
 
 
+def redraw_views(context: bpy.types.Context) -> None:
+    """The views, and the sidebars in them."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
 @persistent
 def _forget_outdated(*_) -> None:
     handle.forget_outdated()

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is drawn over the view: footprints, facing, a seated figure, hands and numbers at the cues, and a mark at each
-pin.
+"""What is drawn over the view: footprints, facing, a seated figure, hands, numbers and frames at the cues, the ways
+that people would walk, and a mark at each pin.
 """
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import blf
 import bpy
@@ -16,16 +17,21 @@ from mathutils import Matrix, Vector
 
 from .bridge import user_preferences
 from .bridge.cue_objects import KINDS
-from .bridge.names import CUE_KEY, HAND_KEY
+from .bridge.names import AT_FRAME_KEY, CUE_KEY, HAND_KEY
 from .bridge.pins import read_pins
 from .bridge.session import current_action
-from .bridge.shown_cues import FEET, HANDS, PASS, PUT, TAKE, played_cues, several_starts, visible_cues
+from .bridge.shown_cues import FEET, HANDS, LOOK, PASS, PUT, TAKE, ordered_cues, several_starts, visible_cues
+from .operators.ways import showing
 
 Lines = list[tuple[Vector, Vector]]
 LINE_WIDTH = 2.0
 PIN_COLOR = (1.0, 0.85, 0.2, 1.0)
 #: Blender's own font; how high a cue's number is in it, and how far aside of the cue, pixels.
 FONT, NUMBER_SIZE, NUMBER_ASIDE = 0, 16, 8
+#: Ways are drawn so far over the floor, metres, in a colour for each person in turn, and where one would fail in this.
+OVER_FLOOR = 0.02
+WAY_COLORS = ((0.35, 0.75, 1.0, 0.9), (1.0, 0.65, 0.25, 0.9), (0.65, 0.95, 0.4, 0.9), (0.9, 0.55, 0.95, 0.9))
+FAILS_COLOR, FAILS_SIZE = (1.0, 0.2, 0.15, 1.0), 0.15
 #: A waypoint is met within so many metres.
 PASSED = 0.15
 #: Sides of the body: the left lies at +X of who faces -Y.
@@ -126,6 +132,8 @@ def cue_lines(context: bpy.types.Context, cue: bpy.types.Object) -> Lines:
         )
     elif kind == PUT:
         lines = diamond(0.05) + arrow(0.05, 0.12)
+    elif kind == LOOK:
+        lines = diamond(0.06)
     else:
         lines = standing()
     return [(to_world @ a, to_world @ b) for a, b in lines]
@@ -139,16 +147,33 @@ def pin_lines(context: bpy.types.Context) -> Lines:
     return [(place + a, place + b) for place in places for a, b in mark]
 
 
+def way_lines(context: bpy.types.Context) -> list[tuple[tuple, Lines]]:
+    """What to draw for the ways that are shown: colours and lines, world space."""
+    unit = 1.0 / context.scene.oncue.scene_scale
+    drawn: list[tuple[tuple, Lines]] = []
+    for way in showing.ways(context.scene):
+        color = WAY_COLORS[way.person % len(WAY_COLORS)] if way.fails_at is None else FAILS_COLOR
+        points = [(Vector(point) + Vector((0.0, 0.0, OVER_FLOOR))) * unit for point in way.path]
+        drawn.append((color, list(pairwise(points))))
+        if way.fails_at is not None:
+            place = (Vector(way.fails_at) + Vector((0.0, 0.0, OVER_FLOOR))) * unit
+            across = [Vector((FAILS_SIZE * unit, side * FAILS_SIZE * unit, 0.0)) for side in (1, -1)]
+            drawn.append((FAILS_COLOR, [(place - arm, place + arm) for arm in across]))
+    return drawn
+
+
 def numbers(context: bpy.types.Context) -> list[tuple[str, Vector, tuple]]:
-    """What stands beside each of several cues: its place in the order, where, world space, and its colour."""
-    orders = [played_cues(context, start) for start in several_starts(context) or [None]]
-    return [
-        (str(number), cue.matrix_world.translation, KINDS[cue[CUE_KEY]][3])
-        for played in orders
-        if len(played) > 1
-        for number, cue in enumerate(played, 1)
-        if cue.visible_get()
-    ]
+    """What stands beside cues: of several the place in the order, and the frame on which one is asked for; where, world
+    space, and the cue's colour."""
+    found = []
+    for played in (ordered_cues(context, start) for start in several_starts(context) or [None]):
+        for number, cue in enumerate(played, 1):
+            asked = cue.get(AT_FRAME_KEY)
+            words = [str(number)] if len(played) > 1 else []
+            words += [f"@ {asked:g}"] if isinstance(asked, int | float) else []
+            if words and cue.visible_get():
+                found.append(("  ".join(words), cue.matrix_world.translation, KINDS[cue[CUE_KEY]][3]))
+    return found
 
 
 def _is_shown(context: bpy.types.Context) -> bool:
@@ -183,7 +208,7 @@ def _draw() -> None:
     shader.bind()
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     shader.uniform_float("lineWidth", LINE_WIDTH * context.preferences.system.ui_scale)
-    drawn = [(PIN_COLOR, pin_lines(context))]
+    drawn = [(PIN_COLOR, pin_lines(context)), *way_lines(context)]
     # Of those that count, this view may hide some.
     for cue in (cue for cue in visible_cues(context, *KINDS) if cue.visible_get()):
         kind = cue[CUE_KEY]

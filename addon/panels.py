@@ -14,12 +14,25 @@ from .bridge.cue_objects import KINDS
 from .bridge.names import AT_FRAME_KEY, CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
 from .bridge.puppet import is_own_skeleton, who_acts
-from .bridge.shown_cues import ENDS, FEET, HANDS, PASS, PUT, TAKE, end_cues, person_of, played_cues, visible_cues
+from .bridge.shown_cues import (
+    ENDS,
+    FEET,
+    HANDS,
+    LOOK,
+    PASS,
+    PUT,
+    TAKE,
+    end_cues,
+    ordered_cues,
+    person_of,
+    visible_cues,
+)
 from .errors import CharacterError, EdgeError, ScaleError, SceneError
 from .foreign_captures import SUFFIXES as FOREIGN
 from .job_operator import handle
 from .operators.follow import following
 from .operators.synthesize import library_cache, unwritten
+from .operators.ways import showing
 from .pipeline import Progress
 from .sentences import told
 
@@ -30,6 +43,7 @@ CUE_ICONS = {
     PASS: "TRACKING_FORWARDS_SINGLE",
     TAKE: "VIEW_PAN",
     PUT: "IMPORT",
+    LOOK: "HIDE_OFF",
 }
 #: A list that is no longer is open at first; of a longer one so many lines are shown.
 SHORT_LIST, LONGEST_LIST = 12, 100
@@ -61,14 +75,19 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
         row.operator("oncue.place_cue", text="Sit", icon="EMPTY_SINGLE_ARROW").kind = "sit"
         row.operator("oncue.place_cue", text="Stop", icon="SNAP_FACE").kind = "stop"
         layout.operator("oncue.sit_on_selection", icon="FACESEL")
-        played = played_cues(context)
+        played = ordered_cues(context)
         if end_cues(context):
             row = layout.row(align=True)
             row.operator("oncue.place_cue", text="Pass", icon=CUE_ICONS[PASS]).kind = PASS
             for kind, text in (("sit", "Then Sit"), ("stop", "Then Stop")):
                 button = row.operator("oncue.place_cue", text=text, icon=CUE_ICONS[kind])
                 button.kind, button.then = kind, True
-            layout.operator("oncue.add_person", icon="COMMUNITY")
+            row = layout.row(align=True)
+            row.operator("oncue.place_look", icon=CUE_ICONS[LOOK])
+            row.operator("oncue.add_person", icon="COMMUNITY")
+            layout.operator("oncue.show_ways", icon="TRACKING", depress=showing.on)
+            for said in showing.said(context.scene):
+                write_lines(context, layout, said, "ERROR")
         header, limbs = layout.panel("oncue_limbs", default_closed=True)
         header.label(text="Feet and Hands")
         if limbs:
@@ -94,7 +113,7 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
                 for key in (FIRST_FRAME_KEY, LAST_FRAME_KEY):
                     row.prop(cue, f'["{key}"]', text="")
             if HOLD_KEY in cue:
-                row.prop(cue, f'["{HOLD_KEY}"]', text="Stays (s)")
+                row.prop(cue, f'["{HOLD_KEY}"]', text="Looks (s)" if cue[CUE_KEY] == LOOK else "Stays (s)")
             if cue[CUE_KEY] in ENDS and (AT_FRAME_KEY in cue or cue == context.active_object):
                 _draw_time(column.row(align=True), cue)
         kinds = {cue[CUE_KEY] for cue in cues}
@@ -116,16 +135,16 @@ def _draw_people(context: bpy.types.Context, column: bpy.types.UILayout, found: 
         ).start = name
         character = person.character
         row.label(text=character.name if character else told("A mannequin"), icon="ARMATURE_DATA", translate=False)
-        played = played_cues(context, person.start)
+        played = ordered_cues(context, person.start)
         for cue in played:
             row = box.row(align=True)
             _draw_step(row, cue, played, frames.get(cue.name))
             if HOLD_KEY in cue:
-                row.prop(cue, f'["{HOLD_KEY}"]', text="Stays (s)")
+                row.prop(cue, f'["{HOLD_KEY}"]', text="Looks (s)" if cue[CUE_KEY] == LOOK else "Stays (s)")
         if not any(cue[CUE_KEY] in ENDS for cue in played):
             box.label(text="No Sit or Stop cue yet", icon="INFO")
     starts = [person.start for person in found]
-    for cue in (cue for cue in played_cues(context) if person_of(context, cue, starts) is None):
+    for cue in (cue for cue in ordered_cues(context) if person_of(context, cue, starts) is None):
         column.label(text=told(f"{cue.name} is nobody's"), icon="ERROR")
     for foot in visible_cues(context, *FEET):
         column.label(text=foot.name, icon="DOT", translate=False)
@@ -135,7 +154,7 @@ def _draw_people(context: bpy.types.Context, column: bpy.types.UILayout, found: 
 
 
 def _draw_step(row: bpy.types.UILayout, cue: bpy.types.Object, played: list, frame: int | None) -> None:
-    """One of several sit, stop and pass cues: its place in the order, when it is met, and what moves it."""
+    """One of several sit, stop, pass and look cues: its place in the order, when it is met, and what moves it."""
     number = played.index(cue) + 1
     text = f"{number}  {cue.name}"
     row.operator("oncue.select_cue", text=text, icon=CUE_ICONS[cue[CUE_KEY]], translate=False).cue = cue.name
@@ -489,6 +508,9 @@ def result_lines(report: dict) -> list[tuple[str, str]]:
         for foot, miss in zip(("Left foot", "Right foot"), cue.get("feet_cm", (None, None)), strict=True):
             if miss is not None:
                 lines.append((f"    {foot} {miss:.1f} cm", "BLANK1"))
+    for look in report.get("looks", []):
+        seconds, lasts = look["met"] / 30.0, (look["end"] - look["first"]) / 30.0
+        lines.append((f"{look['look']}: looked at for {seconds:.1f} of {lasts:.1f} s", CUE_ICONS[LOOK]))
     lines += _met_lines((report.get("edited") or {}).get("constraints", []), skip={c["cue"] for c in report["cues"]})
     lines += _met_lines(report.get("artist", {}).get("constraints", []), skip=set())
     if "foot" in report:

@@ -7,6 +7,9 @@
         DIR/ROOM-TASK.blend for each row of that room in the table
     python blend_fixtures/make_fixtures.py --object DOOR.glb --tasks objects.tsv --out DIR
         DIR/PART.blend for each moving part of that object in the table, opened by hand
+    python blend_fixtures/make_fixtures.py --room ROOM.glb --shots shots.tsv --out DIR
+        DIR/ROOM-SHOT.blend for each shot of that room in the table: people, and their cues one after the other
+        (`shots.py` has the columns)
 
 Metres; a heading is the angle of the forward direction from +X, degrees, counter-clockwise from above.
 Runs on the bpy module (4.2 to 5.2) and needs no Oncue core.
@@ -29,8 +32,18 @@ sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve
 import furniture as f  # noqa: E402
 from articulated import object_task  # noqa: E402
 from openings import read_openings  # noqa: E402
+from shots import LOOK, START, BadTable, Row, Shot, read_shots  # noqa: E402
 
-from addon.bridge.cue_objects import PELVIS_OVER_SEAT, make_cue, yaw_from_heading  # noqa: E402
+from addon.bridge.cue_objects import (  # noqa: E402
+    PELVIS_OVER_SEAT,
+    hang_on,
+    make_cue,
+    middle_of,
+    yaw_from_heading,
+)
+from addon.bridge.names import AT_FRAME_KEY, HOLD_KEY, PERSON_KEY, STEP_KEY  # noqa: E402
+from addon.bridge.seat_finder import Seat, seat_below, seat_of_selection, surface_below  # noqa: E402
+from addon.errors import SceneError  # noqa: E402
 
 #: How far a room's corners may lie from the table's, metres: its figures have two decimals.
 BOUNDS_TOLERANCE = 0.011
@@ -228,6 +241,82 @@ def _assert_bounds(scene: bpy.types.Scene, row: dict[str, str]) -> None:
             )
 
 
+# --- shots -----------------------------------------------------------------------------------------------------------
+
+#: From so far over the floor a seat, or the floor itself, is looked for where its height is left free, metres.
+FROM_ABOVE = 1.0
+
+
+def shot_scene(room: Path, table: Path, shot: Shot) -> None:
+    """The room of a GLB file with the people of a shot and their cues. Raises BadTable naming the line."""
+    scene = new_scene()
+    bpy.ops.import_scene.gltf(filepath=str(room))
+    bpy.context.view_layer.update()
+    several = len(shot.people) > 1
+    for rows in shot.people:
+        start_cue = None
+        places = _places(table, scene, rows)
+        for at, (row, (place, heading)) in enumerate(zip(rows, places, strict=True)):
+            if heading is None:
+                # Towards the first cue from the start, and elsewhere as one comes there.
+                there = [place for (place, _), other in zip(places, rows, strict=True) if other.kind != LOOK]
+                came = sum(other.kind != LOOK for other in rows[:at])
+                way = there[1] - place if at == 0 else place - there[came - 1]
+                heading = math.atan2(way.y, way.x)
+            cue = make_cue(bpy.context, row.kind, place, yaw_from_heading(heading), name=row.name)
+            if row.kind == LOOK and row.x is None:
+                hang_on(bpy.context, cue, scene.objects[row.object.split(":")[0]])
+            if row.kind == START:
+                start_cue = cue
+                continue
+            cue[STEP_KEY] = at
+            if several:
+                cue[PERSON_KEY] = start_cue
+            if row.hold is not None:
+                cue[HOLD_KEY] = row.hold
+            if row.at_frame is not None:
+                cue[AT_FRAME_KEY] = row.at_frame
+
+
+def _places(table: Path, scene: bpy.types.Scene, rows: tuple[Row, ...]) -> list[tuple[Vector, float | None]]:
+    """Where each cue of a person stands, and its heading in radians; None where it is free."""
+    found: list[tuple[Vector, float | None]] = []
+    floor = None
+    for row in rows:
+        thing = scene.objects.get(row.object.split(":")[0]) if row.object else None
+        if row.object and thing is None:
+            raise BadTable(f"{table}, line {row.line}: nothing in {row.room} is called {row.object}.")
+        heading = None if row.heading is None else math.radians(row.heading)
+        place = Vector((row.x or 0.0, row.y or 0.0, FROM_ABOVE + (floor or 0.0) if row.z is None else row.z))
+        if row.kind == "sit" and (row.x is None or row.z is None or heading is None):
+            seat = _seat(table, row, place, thing)
+            place = seat.pelvis.copy() if row.x is None or row.z is None else place
+            heading = seat.yaw - math.pi / 2 if heading is None else heading
+            place.z = place.z if row.z is None else row.z
+        elif row.kind == LOOK:
+            place = middle_of(thing) if row.x is None and thing is not None else place
+        elif row.z is None:
+            # On the floor that one starts on; a start stands on what is there.
+            place.z = surface_below(bpy.context, place).z if floor is None else floor
+        floor = place.z if floor is None else floor
+        found.append((place, heading))
+    return found
+
+
+def _seat(table: Path, row: Row, place: Vector, thing: bpy.types.Object | None) -> Seat:
+    """The seat that the button would find, on the object or under the place."""
+    if row.x is not None or thing is None:
+        return seat_below(bpy.context, place)
+    thing.select_set(True)
+    bpy.context.view_layer.objects.active = thing
+    try:
+        return seat_of_selection(bpy.context)
+    except SceneError as error:
+        raise BadTable(f"{table}, line {row.line}: {error}") from error
+    finally:
+        thing.select_set(False)
+
+
 # --- command line ----------------------------------------------------------------------------------------------------
 
 
@@ -244,7 +333,15 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--room", type=Path, help="a room as GLB")
     parser.add_argument("--object", type=Path, help="an object with moving parts as GLB")
     parser.add_argument("--tasks", type=Path, help="the table of its tasks or parts, tab-separated")
+    parser.add_argument("--shots", type=Path, help="the table of its shots, tab-separated")
     options = parser.parse_args(arguments)
+    if options.shots:
+        if not options.room or options.tasks or options.object:
+            parser.error("--shots belongs to --room, without --tasks")
+        for shot in read_shots(options.shots, options.room.stem):
+            shot_scene(options.room, options.shots, shot)
+            save(options.out / f"{shot.file}.blend")
+        return
     if (options.tasks is not None) != ((options.room or options.object) is not None):
         parser.error("--tasks belongs to --room or to --object")
     if options.room:

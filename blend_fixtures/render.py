@@ -3,13 +3,16 @@
 
     python blend_fixtures/render.py FILE.blend --picture demo.png [--video demo.mp4] [--sheet sheet.png]
     python blend_fixtures/render.py FILE.blend --strip start.png --moment start
+    python blend_fixtures/render.py FILE.blend --strip meets.png --person Ann --at 240
+    python blend_fixtures/render.py FILE.blend --story story.jpg
     python blend_fixtures/render.py FILE.blend --frames DIR --size 480x360
 
 The picture shows the room cut open towards the camera, the way on the floor and the figure at several moments,
 blue at the start and orange at the end. A sheet is a grid: a column a telling moment (start, walking, the turn before
 the seat, half-way down, seated), a row each for the room, the figure, and closely its feet or the seat. A strip is a
-row or two of pictures a fifth of a second apart about one moment, from one side at a person's height; frames are the
-whole motion so, a picture each.
+row or two of pictures a fifth of a second apart about one moment, or one frame, from one side at a person's height;
+frames are the whole motion so, a picture each. A story has a picture of all people whenever one of them is at a cue,
+a film is all of their motion so.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ from mathutils import Vector
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[1])]
 
 from cameras import APART, BODY, FEET, LEFT_HAND, LENS, RIGHT_HAND, SEAT, Shot, Sight, View  # noqa: E402
-from walk import MOMENTS, Walk, read_walk  # noqa: E402
+from walk import MOMENTS, Walk, read_walk, read_walks, together  # noqa: E402
 
 from addon.bridge import compat  # noqa: E402
 from addon.bridge.names import CHARACTER_KEY, CUE_KEY  # noqa: E402
@@ -42,6 +45,8 @@ VIDEO_FRAMES = 200
 STRIP_SIZE, STRIP_COLUMNS = (160, 250), 9
 #: Seconds from one picture of a strip to the next, and how many there are.
 STRIP_STEP, STRIP_COUNT = 0.2, 18
+#: A picture of a story, and how many stand in a row.
+STORY_SIZE, STORY_COLUMNS = (400, 300), 4
 #: What a picture taken alongside shows from its bottom to its top, metres.
 TALL = 2.3
 #: Colours from the start of the motion to its end, linear RGB.
@@ -309,9 +314,9 @@ def video(blend: Path, out: Path) -> None:
     bpy.ops.render.render(animation=True)
 
 
-def strip(blend: Path, out: Path, moment: str) -> None:
+def strip(blend: Path, out: Path, moment: str | int, person: str | None = None) -> None:
     """Pictures a fifth of a second apart about `moment`, row by row, the camera at a person's height going along."""
-    scene, walk, camera = _open(blend, STRIP_SIZE)
+    scene, walk, camera = _open(blend, STRIP_SIZE, person)
     step = STRIP_STEP * walk.frame_rate
     first, last = walk.about(moment, STRIP_COUNT * STRIP_STEP)
     indices = [round(index) for index in np.arange(first, last + 0.5, step)][:STRIP_COUNT]
@@ -324,9 +329,48 @@ def strip(blend: Path, out: Path, moment: str) -> None:
             stamp(scene, f"{index / walk.frame_rate:.1f} s")
             draw(scene, cell)
             cells.append(read_pixels(cell))
-    while len(cells) % STRIP_COLUMNS and len(cells) > STRIP_COLUMNS:
+    write_grid(out, cells, STRIP_COLUMNS)
+
+
+def story(blend: Path, out: Path) -> None:
+    """A picture of everybody, from one place that sees all ways, on each frame on which one of them is at a cue."""
+    scene, first, camera = _open(blend, STORY_SIZE)
+    walks = read_walks(scene)
+    _overview(scene, together(walks), camera, STORY_SIZE)
+    for walk in walks:
+        add_way(scene, walk)
+    markers = [mark for walk in walks for mark in walk.character.animation_data.action.pose_markers]
+    told = [("start", int(first.frames[0])), *sorted(((m.name, m.frame) for m in markers), key=lambda mark: mark[1])]
+    cells = []
+    with tempfile.TemporaryDirectory() as folder:
+        cell = Path(folder) / "cell.png"
+        for name, frame in told:
+            scene.frame_set(frame)
+            stamp(scene, f"{name}, frame {frame}")
+            draw(scene, cell)
+            cells.append(read_pixels(cell))
+    write_grid(out, cells, STORY_COLUMNS)
+
+
+def film(blend: Path, folder: Path, size: tuple[int, int], step: int) -> None:
+    """Every `step`th frame of everybody's motion as FOLDER/0000.png …, from one place that sees all ways."""
+    scene, _, camera = _open(blend, size)
+    walks = read_walks(scene)
+    _overview(scene, together(walks), camera, size)
+    for walk in walks:
+        add_way(scene, walk)
+    folder.mkdir(parents=True, exist_ok=True)
+    first, last = min(walk.frames[0] for walk in walks), max(walk.frames[-1] for walk in walks)
+    for number, frame in enumerate(range(int(first), int(last) + 1, step)):
+        scene.frame_set(frame)
+        draw(scene, folder / f"{number:04d}.png")
+
+
+def write_grid(out: Path, cells: list[np.ndarray], columns: int) -> None:
+    """Pictures of one size row by row, the first at the top left."""
+    while len(cells) % columns and len(cells) > columns:
         cells.append(np.ones_like(cells[0]))
-    rows = [np.concatenate(cells[k : k + STRIP_COLUMNS], axis=1) for k in range(0, len(cells), STRIP_COLUMNS)]
+    rows = [np.concatenate(cells[k : k + columns], axis=1) for k in range(0, len(cells), columns)]
     # Blender's pictures begin at the bottom.
     write_pixels(out, np.concatenate(rows[::-1], axis=0))
 
@@ -357,10 +401,12 @@ def _overview(scene: bpy.types.Scene, walk: Walk, camera: bpy.types.Object, size
     return view
 
 
-def _open(blend: Path, size: tuple[int, int]) -> tuple[bpy.types.Scene, Walk, bpy.types.Object]:
+def _open(
+    blend: Path, size: tuple[int, int], person: str | None = None
+) -> tuple[bpy.types.Scene, Walk, bpy.types.Object]:
     bpy.ops.wm.open_mainfile(filepath=str(blend.resolve()))
     scene = bpy.context.scene
-    return scene, read_walk(scene), prepare(scene, size)
+    return scene, read_walk(scene, person), prepare(scene, size)
 
 
 def stamp(scene: bpy.types.Scene, note: str) -> None:
@@ -404,17 +450,25 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--video", type=Path)
     parser.add_argument("--strip", type=Path)
     parser.add_argument("--moment", choices=MOMENTS, default="start", help="what a strip is about")
+    parser.add_argument("--person", help="whom a strip is about, by the start's name")
+    parser.add_argument("--at", type=int, help="the scene's frame that a strip is about, in place of the moment")
+    parser.add_argument("--story", type=Path)
     parser.add_argument("--frames", type=Path, help="a folder")
+    parser.add_argument("--film", type=Path, help="a folder")
     parser.add_argument("--size", type=_size, default=VIDEO_SIZE, help="of the frames, as 480x360")
     parser.add_argument("--step", type=int, default=1, help="draw every so many frames")
     options = parser.parse_args(arguments)
-    if not (options.picture or options.sheet or options.video or options.strip or options.frames):
-        parser.error("say what to draw: --picture, --sheet, --video, --strip or --frames")
+    named = ("picture", "sheet", "video", "strip", "story", "frames", "film")
+    if not any(getattr(options, name) for name in named):
+        parser.error("say what to draw: --picture, --sheet, --video, --strip, --story, --frames or --film")
+    about = options.moment if options.at is None else options.at
     for out, make in (
         (options.picture, lambda: picture(options.blend, options.picture)),
         (options.sheet, lambda: sheet(options.blend, options.sheet)),
         (options.video, lambda: video(options.blend, options.video)),
-        (options.strip, lambda: strip(options.blend, options.strip, options.moment)),
+        (options.strip, lambda: strip(options.blend, options.strip, about, options.person)),
+        (options.story, lambda: story(options.blend, options.story)),
+        (options.film, lambda: film(options.blend, options.film, options.size, options.step)),
         (options.frames, lambda: every_frame(options.blend, options.frames, options.size, options.step)),
     ):
         if out:

@@ -15,7 +15,7 @@ from mathutils import Vector
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from addon.bridge.hand_reader import HAND
-from addon.bridge.names import CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
+from addon.bridge.names import ACTS_KEY, CHARACTER_KEY, CUE_KEY, FIRST_FRAME_KEY, LAST_FRAME_KEY
 
 #: The joints that must be seen for a posture to be judged.
 JOINTS = (
@@ -99,9 +99,12 @@ class Walk:
         walks = [("walking", index) for index in walked]
         return [("start", 0), *walks, ("turning", turn), ("half-way down", half), ("end", last)]
 
-    def about(self, moment: str, seconds: float) -> tuple[float, float]:
-        """The first and the last index of so many seconds about one of the `MOMENTS`."""
+    def about(self, moment: str | int, seconds: float) -> tuple[float, float]:
+        """The first and the last index of so many seconds about one of the `MOMENTS`, or about a frame."""
         last, length = len(self.frames) - 1, seconds * self.frame_rate
+        if isinstance(moment, int):
+            first = min(max(moment - self.frames[0] - length / 2, 0.0), max(last - length, 0.0))
+            return first, min(first + length, last)
         if moment == "start":
             return 0.0, min(length, last)
         telling = dict(self.telling())
@@ -119,13 +122,37 @@ class Walk:
         return np.convolve(np.abs(np.gradient(yaw)), np.ones(width) / width, mode="same")
 
 
-def read_walk(scene: bpy.types.Scene) -> Walk:
-    """The motion of the scene's character. Raises SystemExit when there is none."""
+def read_walk(scene: bpy.types.Scene, person: str | None = None) -> Walk:
+    """The motion of the scene's character, or of that of the person whose start has this name.
+
+    Raises SystemExit when there is none.
+    """
     found = [o for o in scene.objects if o.type == "ARMATURE" and o.get(CHARACTER_KEY)]
     found = [o for o in found if o.animation_data and o.animation_data.action]
     if not found:
         raise SystemExit("The file has no character with an action: run a synthesis first.")
-    character = found[0]
+    if person is not None:
+        start = scene.objects.get(person)
+        found = [o for o in found if start is not None and start.get(ACTS_KEY) == o]
+        if not found:
+            raise SystemExit(f"Nobody who moves starts at {person}.")
+    return _walk_of(scene, found[0])
+
+
+def read_walks(scene: bpy.types.Scene) -> list[Walk]:
+    """The motions of all people, by their starts' names; of one alone its own. Raises SystemExit when there is none."""
+    starts = sorted(o.name for o in scene.objects if o.get(CUE_KEY) == "start" and o.get(ACTS_KEY))
+    return [read_walk(scene, name) for name in starts] or [read_walk(scene)]
+
+
+def together(walks: list[Walk]) -> Walk:
+    """One after the other, as if they were one: what a camera is to see of all."""
+    first = walks[0]
+    joined = {name: np.concatenate([getattr(walk, name) for walk in walks]) for name in ("frames", "joints", "facings")}
+    return Walk(first.character, first.bodies, **joined, floor=first.floor, frame_rate=first.frame_rate)
+
+
+def _walk_of(scene: bpy.types.Scene, character: bpy.types.Object) -> Walk:
     first, last = character.animation_data.action.frame_range
     frames = np.arange(int(first), int(last) + 1)
     joints, facings = [], []

@@ -30,11 +30,13 @@ from .names import (
 from .scene_time import may_move
 from .shown_cues import (
     ENDS,
+    LOOK,
+    ORDERED,
     PASS,
-    PLAYED,
     PUT,
     TAKE,
     end_cues,
+    ordered_cues,
     played_cues,
     several_starts,
     visible_cues,
@@ -52,6 +54,7 @@ KINDS = {
     "pass": ("Pass", "PLAIN_AXES", 0.15, (0.90, 0.80, 0.20, 1.0)),
     "take": ("Take", "SPHERE", 0.03, (0.95, 0.45, 0.70, 1.0)),
     "put": ("Put", "CIRCLE", 0.10, (0.95, 0.45, 0.70, 1.0)),
+    "look": ("Look", "CIRCLE", 0.08, (0.35, 0.85, 0.75, 1.0)),
     "left_foot": ("Left Foot", "CUBE", 0.04, (0.30, 0.60, 0.95, 1.0)),
     "right_foot": ("Right Foot", "CUBE", 0.04, (0.75, 0.45, 0.95, 1.0)),
     "left_hand": ("Left Hand", "SPHERE", 0.03, (0.30, 0.60, 0.95, 1.0)),
@@ -87,7 +90,7 @@ def make_cue(
     cue.color = color
     cue.show_in_front = True
     # Two feet and two hands lie side by side: their names tell them apart.
-    cue.show_name = kind not in ("start", *ENDS, PASS)
+    cue.show_name = kind not in ("start", *ENDS, PASS, LOOK)
     cue.rotation_euler = (0.0, 0.0, yaw)
     cue.location = position
     oncue_collection(context).objects.link(cue)
@@ -122,12 +125,9 @@ def place_cue(
     starts = [person] if person else visible_cues(context, "start")
     there = starts if kind == "start" else end_cues(context, person)
     if kind == PASS or (then and kind != "start"):
-        played = played_cues(context, person)
-        at = _pass_comes(context, played) if kind == PASS else len(played)
-        number_steps(played[:at])
-        number_steps(played[at:], at + 2)
-        cue = make_cue(context, kind, position, yaw, metres_per_unit=metres_per_unit)
-        cue[STEP_KEY] = at + 1
+        ordered = ordered_cues(context, person)
+        at = _pass_comes(context, ordered) if kind == PASS else len(ordered)
+        cue = _put_in_order(context, kind, position, yaw, metres_per_unit, ordered, at)
     elif there:
         cue = active_of(context, there)
         if not cue.is_editable:
@@ -156,6 +156,57 @@ def place_cue(
     return cue
 
 
+def _put_in_order(
+    context: bpy.types.Context, kind: str, position, yaw: float, metres_per_unit: float, ordered: list, at: int
+) -> bpy.types.Object:
+    """Another cue, which comes after so many of a person's. Raises SceneError where one that moves on is linked."""
+    number_steps(ordered[:at])
+    number_steps(ordered[at:], at + 2)
+    cue = make_cue(context, kind, position, yaw, metres_per_unit=metres_per_unit)
+    cue[STEP_KEY] = at + 1
+    return cue
+
+
+def place_look(context: bpy.types.Context, metres_per_unit: float) -> bpy.types.Object:
+    """Another look cue, after the active cue in the order, else last; selects it.
+
+    On the middle of the active object while it is selected, along with which it goes; else at the 3D cursor.
+    """
+    person = worked_on(context)
+    ordered = ordered_cues(context, person)
+    active = context.active_object
+    at = ordered.index(active) + 1 if active in ordered else len(ordered)
+    is_seen = active is not None and active.select_get() and not (active.get(CUE_KEY) or active.get(CHARACTER_KEY))
+    place = middle_of(active) if is_seen else context.scene.cursor.location.copy()
+    cue = _put_in_order(context, LOOK, place, 0.0, metres_per_unit, ordered, at)
+    if is_seen:
+        hang_on(context, cue, active)
+    if person is not None:
+        cue[PERSON_KEY] = person
+    cue[HOLD_KEY] = 0.0
+    cue.id_properties_ui(HOLD_KEY).update(
+        min=0.0,
+        soft_max=60.0,
+        max=600.0,
+        description="Seconds that the person looks there; 0: until the next cue in the list is reached",
+    )
+    _select(context, cue)
+    return cue
+
+
+def hang_on(context: bpy.types.Context, cue: bpy.types.Object, thing: bpy.types.Object) -> None:
+    """Has a cue go along with an object, from where it is."""
+    cue.parent = thing
+    cue.matrix_parent_inverse = thing.matrix_world.inverted_safe()
+    context.view_layer.update()
+
+
+def middle_of(thing: bpy.types.Object) -> Vector:
+    """The middle of an object's bounds, world."""
+    corners = [thing.matrix_world @ Vector(corner) for corner in thing.bound_box]
+    return sum(corners, Vector()) / len(corners)
+
+
 def add_person(context: bpy.types.Context, position, metres_per_unit: float) -> bpy.types.Object:
     """Another start, with no cues yet; selects it. Cues that were the only person's stay that one's.
 
@@ -163,7 +214,7 @@ def add_person(context: bpy.types.Context, position, metres_per_unit: float) -> 
     """
     starts = visible_cues(context, "start")
     if len(starts) == 1:
-        give_to_person(played_cues(context), starts[0])
+        give_to_person(ordered_cues(context), starts[0])
     yaw = starts[-1].matrix_world.to_euler().z if starts else 0.0
     start = make_cue(context, "start", position, yaw, metres_per_unit=metres_per_unit)
     start[GIVEN_YAW_KEY] = yaw
@@ -183,10 +234,12 @@ def give_to_person(cues: list[bpy.types.Object], start: bpy.types.Object) -> Non
 
 def given_cues(context: bpy.types.Context) -> tuple[list[bpy.types.Object], bpy.types.Object]:
     """The selected cues and the start that is active, to which they are to be given. Raises SceneError."""
-    start, cues = context.active_object, visible_cues(context, *PLAYED)
+    start, cues = context.active_object, visible_cues(context, *ORDERED)
     chosen = [cue for cue in cues if cue.select_get()]
     if start is None or start.get(CUE_KEY) != "start" or not chosen:
-        raise SceneError("Select Sit, Stop and Pass cues, and last the Start cue of the person whose they are to be.")
+        raise SceneError(
+            "Select Sit, Stop, Pass and Look cues, and last the Start cue of the person whose they are to be."
+        )
     return chosen, start
 
 
@@ -343,7 +396,7 @@ def place_put(context: bpy.types.Context, place, metres_per_unit: float) -> bpy.
     Raises SceneError where none is in a hand by then.
     """
     held: list[bpy.types.Object] = []
-    for cue in played_cues(context, worked_on(context)):
+    for cue in ordered_cues(context, worked_on(context)):
         if cue[CUE_KEY] == TAKE:
             held.append(thing_of(cue))
         elif cue[CUE_KEY] == PUT and thing_of(cue) in held:
@@ -370,7 +423,7 @@ def _stand_for(context: bpy.types.Context, cue: bpy.types.Object, metres_per_uni
 
     Raises SceneError where nobody could stand.
     """
-    before = [one for one in played_cues(context, worked_on(context)) if one != cue]
+    before = [one for one in ordered_cues(context, worked_on(context)) if one != cue]
     there = [one for one in before if one[CUE_KEY] in ENDS]
     place, unit = cue.matrix_world.translation, 1.0 / metres_per_unit
     if there and (there[-1].matrix_world.translation - place).xy.length <= WITHIN_REACH * unit:
@@ -399,10 +452,10 @@ def _place_thing(
     context: bpy.types.Context, kind: str, thing: bpy.types.Object, place, yaw: float, metres_per_unit: float
 ) -> bpy.types.Object:
     person = worked_on(context)
-    played = played_cues(context, person)
-    number_steps(played)
+    ordered = ordered_cues(context, person)
+    number_steps(ordered)
     cue = make_cue(context, kind, place, yaw, name=f"{KINDS[kind][0]} {thing.name}", metres_per_unit=metres_per_unit)
-    cue[THING_KEY], cue[STEP_KEY] = thing, len(played) + 1
+    cue[THING_KEY], cue[STEP_KEY] = thing, len(ordered) + 1
     if person is not None:
         cue[PERSON_KEY] = person
     _select(context, cue)

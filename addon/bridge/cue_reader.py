@@ -8,10 +8,23 @@ import math
 import bpy
 
 from ..errors import SceneError
+from ..scene_frames import CORE_RATE
 from .cue_objects import forward_of
 from .names import AT_FRAME_KEY, CUE_KEY, HOLD_KEY
-from .scene_time import current_frame_kept, frame_rate, may_move, moving
-from .shown_cues import FEET, PASS, PLAYED, TAKE, THINGS, end_cues, person_of, played_cues, visible_cues
+from .scene_time import current_frame_kept, frame_rate, may_move, moving, show
+from .shown_cues import (
+    FEET,
+    LOOK,
+    ORDERED,
+    PASS,
+    PLAYED,
+    TAKE,
+    THINGS,
+    end_cues,
+    ordered_cues,
+    person_of,
+    visible_cues,
+)
 from .things import read_put, read_take, read_thing, thing_of
 
 #: Longer nobody stays, seconds.
@@ -54,14 +67,22 @@ def read_task(
     steps: list[dict] = []
     passes: list[dict] = []
     things: dict[str, dict] = {}
+    looks: list[dict] = []
+    comes = 0
     alone = len(ends) == 1 and not several
     times = _times_of(context, ends)
-    for cue in played_cues(context, start):
-        if cue[CUE_KEY] == PASS:
-            passes.append({"name": cue.name, "position": _position(cue, depsgraph, metres_per_unit)})
+    for cue in ordered_cues(context, start):
+        if cue[CUE_KEY] == LOOK:
+            holds = {"hold_seconds": seconds} if (seconds := _hold_of(cue)) else {}
+            path = [_position(cue, depsgraph, metres_per_unit)]
+            looks.append({"name": cue.name, "path": path, "after": comes, **holds})
             continue
         if cue[CUE_KEY] in THINGS:
             _read_thing(cue, depsgraph, metres_per_unit, steps, things)
+            continue
+        comes += 1
+        if cue[CUE_KEY] == PASS:
+            passes.append({"name": cue.name, "position": _position(cue, depsgraph, metres_per_unit)})
             continue
         asked = {
             "name": cue.name,
@@ -78,11 +99,10 @@ def read_task(
             f"{passes[-1]['name']} is a Pass cue that nothing follows: place a Sit or Stop cue after it, or move it up "
             "in the list."
         )
-    if things:
-        return {"start": begins, "steps": steps, "things": list(things.values())}
-    if len(steps) == 1 and not several and not times:
+    if len(steps) == 1 and not several and not times and not looks and not things:
         return {"start": begins, **{name: part for name, part in steps[0].items() if name != "hold_seconds"}}
-    return {"start": begins, "steps": steps}
+    besides = {"things": list(things.values()), "looks": looks}
+    return {"start": begins, "steps": steps, **{name: part for name, part in besides.items() if part}}
 
 
 def _read_thing(cue: bpy.types.Object, depsgraph, metres_per_unit: float, steps: list[dict], things: dict) -> None:
@@ -162,9 +182,9 @@ def at_first_frame(
 
     Where the playhead stands then makes no difference. It may go through the frames. `start`: as of `read_task`.
     """
-    shown = visible_cues(context, "start", *PLAYED, *FEET)
+    shown = visible_cues(context, "start", *PLAYED, *THINGS, *FEET)
     if start is not None:
-        own = [start, *played_cues(context, start)]
+        own = [start, *ordered_cues(context, start)]
         shown = [cue for cue in shown if cue in own or cue.parent in own]
     animated = [cue for cue in shown if may_move(cue)]
     moved = moving(context, animated, first_frame) if animated else []
@@ -181,10 +201,40 @@ def at_first_frame(
     return task, [(cue.name, said.format(cue.name, first_frame)) for cue in own]
 
 
+def with_moving_looks(
+    context: bpy.types.Context,
+    task: dict,
+    first_frame: int,
+    metres_per_unit: float = 1.0,
+    rate: float | None = None,
+) -> dict:
+    """A task that was just read, with the way of each look cue that moves: a place a frame (30 Hz) from `first_frame`
+    to the scene's end, after which it is taken to stay. `rate`: the scene's frames in a second of the core's.
+
+    Goes through the frames and comes back. Raises SceneError for a place that is not a number.
+    """
+    named = {look["name"] for look in task.get("looks", [])}
+    moved = [cue for cue in visible_cues(context, LOOK) if cue.name in named and may_move(cue)]
+    if not moved:
+        return task
+    scene = context.scene
+    per_frame = (frame_rate(scene) if rate is None else rate) / CORE_RATE
+    frames = min(max(math.ceil((scene.frame_end - first_frame) / per_frame), 0), round(LONGEST_HOLD * CORE_RATE)) + 1
+    paths: dict[str, list] = {cue.name: [] for cue in moved}
+    with current_frame_kept(scene):
+        for frame in range(frames):
+            show(scene, first_frame + frame * per_frame)
+            depsgraph = context.evaluated_depsgraph_get()
+            for cue in moved:
+                paths[cue.name].append(_position(cue, depsgraph, metres_per_unit))
+    looks = [{**look, "path": paths.get(look["name"], look["path"])} for look in task["looks"]]
+    return {**task, "looks": looks}
+
+
 def check_nobodys(context: bpy.types.Context) -> None:
     """Raises SceneError for a cue of nobody, where several people start."""
     starts = visible_cues(context, "start")
-    for cue in visible_cues(context, *PLAYED):
+    for cue in visible_cues(context, *ORDERED):
         if person_of(context, cue, starts) is None:
             raise SceneError(
                 f"{cue.name} is a cue of nobody, and {len(starts)} people start: select it, and last the Start cue "

@@ -36,7 +36,7 @@ from ..scene_frames import CORE_RATE, in_scene_frames
 from . import armature, character_reset, compat, file_state, own_rig, own_seats, people, pins, rigify, root_motion
 from .action_writer import fit_end, write_action
 from .all_or_nothing import all_or_nothing, kept_if_it_fails
-from .cue_reader import at_first_frame, check_nobodys, hold_seconds, read_task
+from .cue_reader import at_first_frame, check_nobodys, hold_seconds, read_task, with_moving_looks
 from .hand_reader import core_frames, give_hands, read_manipulations
 from .moving_reader import read_moving, taken_as_it_stands
 from .names import ACTS_KEY, CHARACTER_KEY, LIVE_KEY, REPORT_KEY, TAKE_OF_KEY
@@ -44,7 +44,7 @@ from .puppet import Puppet, is_own_skeleton, puppet_of
 from .scene_reader import read_scene
 from .scene_time import frame_rate, may_move
 from .second_blender import second_blender
-from .shown_cues import ENDS, FEET, HANDS, PASS, visible_cues
+from .shown_cues import FEET, HANDS, ORDERED, visible_cues
 from .solved import keep_solved, solved_take
 from .take import Take
 from .things import play_things, write_things
@@ -118,6 +118,7 @@ def read_request(context: bpy.types.Context, *, hands: bool = True) -> tuple[Req
         file_state.check_over_time(context, character)
         task, notes = at_first_frame(context, task, settings.start_frame, settings.scene_scale)
         rate = puppet.frame_rate(context.scene)
+        task = with_moving_looks(context, task, settings.start_frame, settings.scene_scale, rate)
         manipulations = read_manipulations(context, settings.start_frame, settings.scene_scale, rate)
         positions, triangles, owners, moving, said = read_moving(
             context, meshes, settings.start_frame, puppet.metres_per_unit, rate
@@ -195,11 +196,12 @@ def read_shot(context: bpy.types.Context) -> tuple[list[Request], list[tuple[str
         cast=characters,
     )
     notes: list[tuple[str, str]] = []
+    rate = puppets[0].frame_rate(context.scene)
     for at, person in enumerate(found):
         file_state.check_over_time(context, person.character)
         tasks[at], said = at_first_frame(context, tasks[at], first_frame, scale, person.start)
+        tasks[at] = with_moving_looks(context, tasks[at], first_frame, scale, rate)
         notes += said
-    rate = puppets[0].frame_rate(context.scene)
     positions, triangles, owners, moving, said = read_moving(
         context, meshes, first_frame, puppets[0].metres_per_unit, rate
     )
@@ -251,11 +253,15 @@ def with_cues(context: bpy.types.Context, request: Request) -> Request:
 
 
 def _one_cue(task: dict) -> dict:
-    """A task that cues can be followed for. Raises SceneError for several, for times and for waypoints."""
+    """A task that cues can be followed for. Raises SceneError for several, for times, waypoints, things and looks."""
     if things := task.get("things"):
         raise SceneError(
             f"Follow Cues has nothing taken, and {things[0]['name']} is: hide the Take and Put cues, or press "
             "Synthesize."
+        )
+    if looks := task.get("looks"):
+        raise SceneError(
+            f"Follow Cues plays no Look cue, and there is {looks[0]['name']}: hide it, or press Synthesize."
         )
     if "steps" in task and len(task["steps"]) == 1:
         timed = cues_of(task)[0]["name"]
@@ -581,7 +587,7 @@ def shot_report(reports: list[dict], refused: list[tuple[str, str]], seed: int) 
         "success": all(report["success"] for report in reports) and not refused,
         "problems": [f"{person}: {problem}" for person, problem in [*said, *refused]],
         "seed": seed,
-        "cues": [cue for report in reports for cue in report["cues"]],
+        "cues": [{"person": report["extension"]["person"], **cue} for report in reports for cue in report["cues"]],
         "people": [*reports, *alone],
     }
 
@@ -805,7 +811,7 @@ def belongs_to_cues(context: bpy.types.Context, report: dict) -> bool:
         now = read_task(context, settings.scene_scale, as_drawn=True, start=start)
     except SceneError:
         return False
-    animated = any(may_move(cue) for cue in visible_cues(context, "start", *ENDS, PASS, *FEET))
+    animated = any(may_move(cue) for cue in visible_cues(context, "start", *ORDERED, *FEET))
     here = animated or _are_same_cues(now, made_for)
     # Hands are no part of what is made while the cues are followed.
     live = LIVE_KEY in (current_action(context.scene) or {})
@@ -843,7 +849,9 @@ def _are_same_cues(now: dict, before: dict) -> bool:
         return False
     holds = [[step.get("hold_seconds") for step in asked.get("steps", [])] for asked in (now, before)]
     places = [[[cue.get("position") for cue in passes] for passes in passes_of(asked)] for asked in (now, before)]
-    if times_of(now) != times_of(before) or not _are_same_things(now, before):
+    if times_of(now) != times_of(before):
+        return False
+    if not _are_same_things(now, before) or not _are_same_looks(now, before):
         return False
     if holds[0] != holds[1] or [len(part) for part in places[0]] != [len(part) for part in places[1]]:
         return False
@@ -864,6 +872,14 @@ def _are_same_things(now: dict, before: dict) -> bool:
         return [c for cue in things for c in (*(cue.get("grip") or cue["position"]), cue.get("yaw", 0.0))]
 
     return asked(now) == asked(before) and np.allclose(places(now), places(before), atol=SAME_PLACE)
+
+
+def _are_same_looks(now: dict, before: dict) -> bool:
+    """Whether what is looked at is where it was at first, after the same cues and for as long."""
+    looks = [asked.get("looks", []) for asked in (now, before)]
+    told = [[(look["name"], look["after"], look.get("hold_seconds")) for look in part] for part in looks]
+    places = [[look["path"][0] for look in part] for part in looks]
+    return told[0] == told[1] and np.allclose(*places, atol=SAME_PLACE)
 
 
 def _is_same_cue(now: dict, before: object) -> bool:

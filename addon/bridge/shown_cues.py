@@ -14,8 +14,10 @@ ENDS = ("sit", "stop")
 PASS = "pass"
 #: What is done with a thing at the last sit or stop cue before it.
 THINGS = TAKE, PUT = ("take", "put")
-#: What has a place in the order.
-PLAYED = (*ENDS, PASS, *THINGS)
+LOOK = "look"
+#: What the body comes to, and what has a place in the order besides.
+PLAYED = (*ENDS, PASS)
+ORDERED = (*PLAYED, *THINGS, LOOK)
 FEET = ("left_foot", "right_foot")
 HANDS = ("left_hand", "right_hand", "both_hands")
 
@@ -28,15 +30,20 @@ def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Obje
     )
 
 
-def played_cues(context: bpy.types.Context, start: bpy.types.Object | None = None) -> list[bpy.types.Object]:
-    """The visible sit, stop, pass, take and put cues as they are played: by their numbers, then by name.
+def ordered_cues(context: bpy.types.Context, start: bpy.types.Object | None = None) -> list[bpy.types.Object]:
+    """The visible sit, stop, pass, take, put and look cues in their order: by their numbers, then by name.
 
     Those of the person who starts at `start`; else all but those of people whose start is hidden: these wait with it.
     """
     starts = visible_cues(context, "start")
-    cues = [(cue, person_of(context, cue, starts)) for cue in visible_cues(context, *PLAYED)]
+    cues = [(cue, person_of(context, cue, starts)) for cue in visible_cues(context, *ORDERED)]
     own = [cue for cue, person in cues if (person == start if start else person is None or person in starts)]
     return sorted(own, key=lambda cue: (step_of(cue), cue.name))
+
+
+def played_cues(context: bpy.types.Context, start: bpy.types.Object | None = None) -> list[bpy.types.Object]:
+    """Those of them that the body comes to: the sit, stop and pass cues."""
+    return [cue for cue in ordered_cues(context, start) if cue[CUE_KEY] in PLAYED]
 
 
 def end_cues(context: bpy.types.Context, start: bpy.types.Object | None = None) -> list[bpy.types.Object]:

@@ -8,7 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProp
 
 from ..bridge import cue_objects, hand_reader, people, seat_finder, session
 from ..bridge.names import CUE_KEY
-from ..bridge.shown_cues import person_of, played_cues, several_starts
+from ..bridge.shown_cues import ordered_cues, person_of, several_starts
 from ..errors import SceneError
 from ..job_operator import handle
 from .button import Button
@@ -77,9 +77,9 @@ class ONCUE_OT_move_step(Button, bpy.types.Operator):
     by: IntProperty(name="By", description="So many places later", default=1, options={"SKIP_SAVE"})
 
     def act(self, context: bpy.types.Context) -> None:
-        cue = next((cue for cue in played_cues(context) if cue.name == self.cue), None)
+        cue = next((cue for cue in ordered_cues(context) if cue.name == self.cue), None)
         person = person_of(context, cue) if cue is not None and several_starts(context) else None
-        played = played_cues(context, person)
+        played = ordered_cues(context, person)
         at = next((at for at, cue in enumerate(played) if cue.name == self.cue), None)
         if at is None:
             raise SceneError(f"There is no cue {self.cue} any more.")
@@ -101,7 +101,7 @@ class ONCUE_OT_add_person(Button, bpy.types.Operator):
 
 
 class ONCUE_OT_give_to_person(Button, bpy.types.Operator):
-    """Have the selected Sit, Stop and Pass cues be the person's whose Start cue is active"""
+    """Have the selected Sit, Stop, Pass and Look cues be the person's whose Start cue is active"""
 
     bl_idname = "oncue.give_to_person"
     bl_label = "Give to Person"
@@ -177,6 +177,17 @@ class ONCUE_OT_sit_on_selection(Button, bpy.types.Operator):
         scale = context.scene.oncue.scene_scale
         seat = seat_finder.seat_of_selection(context, scale)
         cue_objects.place_cue(context, "sit", seat.pelvis, seat.yaw, scale)
+
+
+class ONCUE_OT_place_look(Button, bpy.types.Operator):
+    """Place a Look cue on the selected object, along with which it goes, else at the 3D cursor. The person looks \
+there once the cue before it is reached"""
+
+    bl_idname = "oncue.place_look"
+    bl_label = "Look"
+
+    def act(self, context: bpy.types.Context) -> None:
+        cue_objects.place_look(context, context.scene.oncue.scene_scale)
 
 
 class ONCUE_OT_move_to_edge(Button, bpy.types.Operator):
@@ -288,7 +299,7 @@ CLASSES = (
     *(ONCUE_OT_move_step, ONCUE_OT_select_cue, ONCUE_OT_be_here),
     *(ONCUE_OT_add_person, ONCUE_OT_give_to_person, ONCUE_OT_choose_person, ONCUE_OT_act_by),
     *(ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_move_to_edge),
-    *(ONCUE_OT_place_foot, ONCUE_OT_place_hand, ONCUE_OT_place_take, ONCUE_OT_place_put),
+    *(ONCUE_OT_place_foot, ONCUE_OT_place_hand, ONCUE_OT_place_take, ONCUE_OT_place_put, ONCUE_OT_place_look),
 )
 
 

@@ -2,12 +2,15 @@
 
 import csv
 import math
+import sys
+from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
 from mathutils import Vector
 
+ROOT = Path(__file__).parents[2]
 SEATS = [f"seat_{seat}" for seat in ("chair", "sofa", "armchair", "bench", "bar_stool", "low_stool")]
 
 
@@ -103,3 +106,94 @@ def test_a_room_that_lies_elsewhere_is_refused(fixtures, shared_data):
 def test_an_unknown_room_is_refused(fixtures, shared_data):
     with pytest.raises(SystemExit, match="no row"):
         fixtures.room_rows(shared_data / "rooms" / "rooms.tsv", "castle")
+
+
+@pytest.fixture
+def hall(tmp_path):
+    """A room file: a floor 4 cm up, a stool, and a bench that stands against a wall."""
+    sys.path.insert(0, str(ROOT / "blend_fixtures"))
+    import furniture as f
+
+    scene = bpy.context.scene
+    f.floor(scene, (-3, -3), (3, 3))
+    f.stool(scene, (1, 1, 0), 0.44, "Stool")
+    f.bench(scene, (0.0, 2.0, 0))
+    f.Piece("Wall").box((-3, 2.3, 0), (3, 2.4, 2), "oak").link(scene)
+    for thing in scene.objects:
+        thing.location.z += 0.04
+    path = tmp_path / "hall.glb"
+    bpy.ops.export_scene.gltf(filepath=str(path))
+    return path
+
+
+def write_table(path, *rows):
+    header = "room shot person step kind x y z heading_deg hold_s at_frame object"
+    path.write_text("".join("\t".join(row.split("|")) + "\n" for row in (header.replace(" ", "|"), *rows)))
+    return path
+
+
+def test_a_shot_has_its_people_and_cues(fixtures, oncue, read, hall, tmp_path):
+    """What the table leaves free is what a button would give."""
+    table = write_table(
+        tmp_path / "shots.tsv",
+        "hall|meet|Ann||start|-2|-2",
+        "hall|meet|Ann|5|stop|-2|1||||140",
+        "hall|meet|Ann|9|sit|||||2.5|300|Stool",
+        "hall|meet|Ann|7|look|||||||Bench",
+        "hall|meet|Ann|12|look|1|2|1.5||2",
+        "hall|meet|Ben||start|2|-2||180",
+        "hall|meet|Ben|2|sit|0|2|||0",
+        "hall|meet|Ben|1|pass|0|-1",
+        "hall|meet|Ben|3|stop|0|-2|0.04|0",
+        "attic|meet|Cid||start|0|0",
+        "attic|meet|Cid|1|stop|1|0",
+    )
+    fixtures.main(["--room", str(hall), "--shots", str(table), "--out", str(tmp_path)])
+    assert not (tmp_path / "attic-meet.blend").exists()
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "hall-meet.blend"))
+    scene, reader = bpy.context.scene, oncue("bridge.cue_reader")
+    starts = [scene.objects[name] for name in ("Ann", "Ben")]
+    ann, ben = (reader.read_task(bpy.context, start=start) for start in starts)
+    assert [task["start"]["position"] for task in (ann, ben)] == [
+        pytest.approx([-2, -2, 0.04], abs=1e-5),
+        pytest.approx([2, -2, 0.04], abs=1e-5),
+    ]
+    # Towards the first cue, +Y; and -X, as the table says.
+    assert abs(ann["start"]["yaw"]) == pytest.approx(math.pi, abs=1e-5)
+    assert ben["start"]["yaw"] == pytest.approx(math.radians(-90), abs=1e-5)
+    stop, on_stool = ann["steps"]
+    assert (stop["cue"]["name"], on_stool["cue"]["name"]) == ("Ann 5 Stop", "Ann 9 Sit")
+    assert abs(stop["cue"]["yaw"]) == pytest.approx(math.pi, abs=1e-5)
+    assert [step["at_seconds"] for step in (stop, on_stool)] == [pytest.approx(139 / 30), pytest.approx(299 / 30)]
+    assert (stop["hold_seconds"], on_stool["hold_seconds"]) == (None, 2.5)
+    assert on_stool["cue"]["position"] == pytest.approx([1, 1, 0.58], abs=0.02)
+    bench, last = ann["looks"]
+    assert (bench["name"], bench["after"], last["after"], last["hold_seconds"]) == ("Ann 7 Look", 1, 2, 2.0)
+    assert bench["path"][0][:2] == pytest.approx([0, 2], abs=0.05)
+    assert scene.objects["Ann 7 Look"].parent == scene.objects["Bench"]
+    assert last["path"] == [pytest.approx([1, 2, 1.5])]
+    on_bench, end = ben["steps"]
+    assert [cue["position"] for cue in on_bench["passes"]] == [pytest.approx([0, -1, 0.04], abs=1e-5)]
+    # Away from the wall, which stands behind the bench, and on its seat.
+    assert on_bench["cue"]["position"] == pytest.approx([0, 2, 0.59], abs=0.03)
+    assert abs(on_bench["cue"]["yaw"]) < math.radians(20)
+    assert (on_bench["hold_seconds"], end["cue"]["yaw"]) == (0.0, pytest.approx(math.radians(90), abs=1e-5))
+
+
+def test_one_person_of_a_shot_is_as_any_scene(fixtures, oncue, read, hall, tmp_path):
+    table = write_table(tmp_path / "shots.tsv", "hall|a|Ann||start|-2|-2", "hall|a|Ann|1|sit|1|1|0.58|-90|||Stool:seat")
+    (shot,) = fixtures.read_shots(table)
+    fixtures.shot_scene(hall, table, shot)
+    task = read()
+    assert (task["start"]["name"], task["cue"]["name"]) == ("Ann", "Ann 1 Sit")
+    assert task["cue"]["position"] == pytest.approx([1, 1, 0.58])
+    assert oncue("bridge.session").read_shot(bpy.context)[0][0].person == ""
+
+
+def test_a_shot_at_what_is_not_there_is_refused(fixtures, hall, tmp_path):
+    rows = ("hall|a|Ann||start|-2|-2", "hall|a|Ann|1|sit|||||||Throne")
+    with pytest.raises(SystemExit, match="line 3: nothing in hall is called Throne"):
+        fixtures.main(["--room", str(hall), "--shots", str(write_table(tmp_path / "s.tsv", *rows)), "--out", "."])
+    rows = (rows[0], rows[1].replace("Throne", "Wall"))
+    with pytest.raises(SystemExit, match="line 3: Wall has no level surface"):
+        fixtures.main(["--room", str(hall), "--shots", str(write_table(tmp_path / "s.tsv", *rows)), "--out", "."])

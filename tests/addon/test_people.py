@@ -163,7 +163,7 @@ def test_each_person_acts_on_a_character_of_their_own(oncue, core, two, tmp_path
     told = session.shot_report(reports, [("Extra", "Why not.")], 1)
     assert [one["extension"]["person"] for one in told["people"]] == ["Start", "Start.001", "Extra"]
     assert (told["success"], told["problems"]) == (False, ["Extra: Why not."])
-    assert len(told["cues"]) == 2
+    assert [(cue["person"], cue["cue"]) for cue in told["cues"]] == [("Start", "Stop"), ("Start.001", "Stop.001")]
     json.dumps(told)
 
 

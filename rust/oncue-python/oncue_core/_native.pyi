@@ -38,6 +38,7 @@ from .types import (
     StyleFigures,
     Summary,
     Task,
+    Ways,
 )
 
 __all__ = [
@@ -56,6 +57,7 @@ __all__ = [
     "cue_types",
     "default_settings",
     "edit_motion",
+    "find_ways",
     "fit_keys",
     "fit_seat",
     "index_scene",
@@ -267,6 +269,13 @@ def check_task(scene: SceneIndex, task: Task | Performance | Sequence[Performanc
 
     Of several people's performances also whether they start and end where they fit together. InputError with the reason
     otherwise. The synthesis asks the same first.
+    """
+
+def find_ways(scene: SceneIndex, task: Task | Performance | Sequence[Performance]) -> Job[Ways]:
+    """The ways that people would walk, from the start to each cue in order, and where each would fail and why.
+
+    They are the clear paths that the synthesis follows: world, metres, on the floor. Nothing is played, and a way that
+    fails says nothing of those after it. InputError for what is no task at once; from the job for nothing.
     """
 
 @final

@@ -141,12 +141,28 @@ class Step(TypedDict):
     things: NotRequired[list[TakeCue | PutCue]]
 
 
+class LookCue(TypedDict):
+    """Something that a person looks at while something lasts.
+
+    `path`: where it is on each frame (30 Hz) of the performance, world, metres; after the last it stays. `after`: so
+    many of the performance's cues, waypoints among them, come before: the person looks from when the last of them is
+    met on. `hold_seconds`: for how long; without it until the next cue or waypoint is met, or to the end.
+    """
+
+    name: str
+    path: list[Point] | list[list[float]]
+    after: int
+    hold_seconds: NotRequired[float | None]
+
+
 class Performance(TypedDict):
-    """What one person is asked to do: a start, and cues that are met in order. `things`: what can be taken."""
+    """What one person is asked to do: a start, and cues that are met one after the other. `things`: what can be taken.
+    `looks`: what is looked at meanwhile."""
 
     start: InitialState
     steps: list[Step]
     things: NotRequired[list[Thing]]
+    looks: NotRequired[list[LookCue]]
 
 
 class Constraint(TypedDict):
@@ -271,6 +287,22 @@ class OthersTouch(TypedDict):
     end: int
     depth_cm: float
     frame: int
+
+
+class LookReport(TypedDict):
+    """What was to be looked at from frame `first` to before `end`, and on how many of these frames the gaze is what.
+
+    `met`: it meets it, within 5°; `turning`: the head is on its way; `behind`: it is behind the person; `held`: the
+    head does not get there.
+    """
+
+    look: str
+    first: int
+    end: int
+    met: int
+    turning: int
+    behind: int
+    held: int
 
 
 class OthersFigures(TypedDict):
@@ -754,6 +786,33 @@ class Measured(TypedDict):
     problems: list[str]
 
 
+class StepWay(TypedDict):
+    """The way to one cue along the floor, some centimetres from point to point, or as far as it is free.
+
+    `fails_at`, `problem`: where and why it would fail; None where all is well. `path` is empty where no way begins.
+    """
+
+    cue: str
+    path: list[list[float]]
+    length_m: float
+    fails_at: list[float] | None
+    problem: str | None
+
+
+class PersonWays(TypedDict):
+    """The ways of one person: `start`, the name of the start, and from there to each cue in order."""
+
+    start: str
+    steps: list[StepWay]
+
+
+class Ways(TypedDict):
+    """The ways of a shot. `problems`: what cannot be of the shot as a whole, though every way is clear."""
+
+    people: list[PersonWays]
+    problems: list[str]
+
+
 class SpeedFigures(TypedDict):
     """How fast joints turn and how hard they are accelerated, beside the library; walking speed, m/s."""
 
@@ -831,6 +890,7 @@ class Report(TypedDict):
     action_from: int | None
     steps: NotRequired[list[StepReport]]
     things: NotRequired[list[ThingFigures]]
+    looks: NotRequired[list[LookReport]]
     others: NotRequired[OthersFigures]
     foot: FootFigures
     penetration: PenetrationFigures

@@ -46,6 +46,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(manifold::train_manifold, module)?)?;
     module.add_function(wrap_pyfunction!(scene::index_scene, module)?)?;
     module.add_function(wrap_pyfunction!(scene::check_task, module)?)?;
+    module.add_function(wrap_pyfunction!(scene::find_ways, module)?)?;
     module.add_function(wrap_pyfunction!(scene::pass_moving, module)?)?;
     module.add_function(wrap_pyfunction!(perform::perform, module)?)?;
     module.add_function(wrap_pyfunction!(perform::perform_together, module)?)?;

@@ -8,7 +8,7 @@ use oncue::passing::{self, PassingOptions};
 use oncue::perform::check_performance;
 use oncue::scene::{SceneSettings, check_task as check};
 use oncue::together::check_together;
-use oncue::{Performance, Task};
+use oncue::{Performance, Step, Task};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -101,6 +101,28 @@ pub fn check_task(py: Python<'_>, scene: &SceneIndex, task: Asked<'_>) -> PyResu
     }
     let task: Task = json::from_dict("task", task)?;
     job::run(py, || check(&scene.inner, &task))
+}
+
+/// The ways that people would walk by a task, a performance or several people's, and where each would fail and why; nothing is played.
+#[pyfunction]
+pub fn find_ways(scene: &SceneIndex, task: Asked<'_>) -> PyResult<Job> {
+    let people = match task {
+        Asked::OfOne(dict) if dict.contains("steps")? => vec![json::from_dict("performance", &dict)?],
+        Asked::OfOne(dict) => {
+            let Task { start, passes, cue, manipulations } = json::from_dict("task", &dict)?;
+            let step = Step { passes, cue, hold_seconds: None, at_seconds: None, manipulations };
+            vec![Performance { start, steps: vec![step], looks: Vec::new() }]
+        }
+        Asked::OfSeveral(people) => performances_of(&people)?,
+    };
+    let scene = scene.inner.clone();
+    Job::start(
+        move |progress| {
+            progress.stage("Finding the ways");
+            Ok(oncue::ways(&scene, &people))
+        },
+        |py, ways| Ok(json::to_python(py, &ways)?.unbind()),
+    )
 }
 
 /// A task or a performance, or the performances of several people.

@@ -65,7 +65,8 @@ fn main() -> Result<(), AnyError> {
                 things: Vec::new(),
             });
         }
-        let performance = Performance { start: room[0].task.start.clone(), steps, things: Vec::new() };
+        let performance =
+            Performance { start: room[0].task.start.clone(), steps, things: Vec::new(), looks: Vec::new() };
         let begun = Instant::now();
         let made =
             match perform(None, &scene, &database, &performance, None, None, &settings, seed, &progress) {

@@ -52,8 +52,12 @@ fn main() -> Result<(), AnyError> {
                 manipulations: Vec::new(),
                 things: Vec::new(),
             };
-            let performance =
-                Performance { start: row.task.start.clone(), steps: vec![step], things: Vec::new() };
+            let performance = Performance {
+                start: row.task.start.clone(),
+                steps: vec![step],
+                things: Vec::new(),
+                looks: Vec::new(),
+            };
             perform(None, &scene, &database, &performance, earlier, None, &settings, seed, &progress)
         };
         let free = match play(None, None) {

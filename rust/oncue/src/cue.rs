@@ -354,6 +354,22 @@ pub struct Step {
     pub things: Vec<ThingCue>,
 }
 
+/// Something that a person looks at while something lasts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LookCue {
+    /// The name the artist gave it, for messages.
+    pub name: String,
+    /// Where it is on each frame (30 Hz) of the performance, world, metres; after the last it stays. One place for what stands still.
+    pub path: Vec<Vec3>,
+    /// So many of the performance's cues, waypoints among them, come before: the person looks from when the last of these is met on, from
+    /// the performance's first frame where there is none.
+    pub after: usize,
+    /// For so long, seconds; without it until the next cue, or waypoint, is met, or to the end.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hold_seconds: Option<f32>,
+}
+
 /// What one person is asked to do: a start, and cues that are met one after the other.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -365,6 +381,9 @@ pub struct Performance {
     /// What can be taken.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub things: Vec<Thing>,
+    /// What the person looks at meanwhile.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub looks: Vec<LookCue>,
 }
 
 impl Performance {

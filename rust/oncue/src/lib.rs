@@ -88,11 +88,12 @@ mod synthesizer;
 mod test_world;
 mod timing;
 pub mod together;
+pub mod ways;
 
 pub use action::{ActionLabel, ActionType};
 pub use cue::{
-    ActionCue, BodyState, CueKind, Hand, InitialState, ManipulationCue, Moments, PassCue, Performance,
-    PutCue, Step, TakeCue, Task, Thing, ThingCue,
+    ActionCue, BodyState, CueKind, Hand, InitialState, LookCue, ManipulationCue, Moments, PassCue,
+    Performance, PutCue, Step, TakeCue, Task, Thing, ThingCue,
 };
 pub use error::{Error, Result};
 pub use glam;
@@ -108,3 +109,4 @@ pub use synthesize::{
     Around, Measured, Synthesis, measure, measure_performance, synthesize, synthesize_along,
 };
 pub use together::perform_together;
+pub use ways::{PersonWays, StepWay, Ways, ways};

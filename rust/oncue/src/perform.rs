@@ -6,21 +6,22 @@
 use std::collections::BTreeMap;
 
 use crate::controller::{EpisodeEnd, StoredPolicy};
-use crate::cue::{ActionCue, BodyState, InitialState, Performance, Step, Task, ThingCue};
+use crate::cue::{ActionCue, BodyState, InitialState, LookCue, Moments, Performance, Step, Task, ThingCue};
 use crate::editor::check_manipulations;
 use crate::error::{Error, Result};
 use crate::figures::{Company, Other, StyleValues, Surroundings};
 use crate::hands::things::check_things;
 use crate::hands::{CarriedThing, Hands};
 use crate::library::database::MotionDatabase;
-use crate::life::{Pause, pause};
+use crate::life::{Gaze, GazeFigures, Pause, look, pause};
 use crate::manifold::Manifold;
 use crate::math::Planar;
-use crate::metrics::speed_figures;
+use crate::math::curve::smoothstep;
+use crate::metrics::{passed, speed_figures};
 use crate::motion::{FRAME_RATE, Motion, Posture};
 use crate::progress::Progress;
-use crate::report::{Report, StepReport};
-use crate::scene::{SceneIndex, check_task};
+use crate::report::{LookReport, Report, StepReport};
+use crate::scene::{ClearPath, SceneIndex, check_task};
 use crate::settings::Settings;
 use crate::synthesize::{
     Around, Synthesis, liveliness, measure_performance, segments, synthesize_along, synthesize_among,
@@ -127,11 +128,7 @@ pub(crate) fn perform_among(
                 let mut settings = settings.clone();
                 settings.synthesizer.hold_seconds = hold_seconds;
                 let means = Means { settings: &settings, seed: step_seed(seed, at), ..*means };
-                if others.is_empty() {
-                    means.alone(scene, &task).map(|made| (made, 0))
-                } else {
-                    means.among(&task, &Company { others, begins, stays: is_last, most_wait: 0 })
-                }
+                means.step(&task, others, begins, is_last, steps.last())
             }
         });
         let (made, waited) = match made {
@@ -193,15 +190,52 @@ impl Means<'_> {
         synthesize_along(manifold, scene, None, database, task, stored, settings, seed, progress)
     }
 
+    /// The motion of a step after `last`: beside others where there are some, and out of a seat by the side where its front is taken up.
+    /// Also the frames that the person waits at its start.
+    fn step(
+        &self,
+        task: &Task,
+        others: &[Other],
+        begins: usize,
+        is_last: bool,
+        last: Option<&PerformedStep>,
+    ) -> Result<(Synthesis, usize)> {
+        let play = |task: &Task, begins: usize| match others.is_empty() {
+            true => self.alone(self.scene, task).map(|made| (made, 0)),
+            false => self.among(task, &Company { others, begins, stays: is_last, most_wait: 0 }),
+        };
+        if let Some((rest, stands)) = leaving_by_the_side(self.scene, &task.start, last) {
+            let task = Task { start: stands, ..task.clone() };
+            match play(&task, begins + rest.len()) {
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                Ok((mut made, waited)) if made.end == EpisodeEnd::Complete => {
+                    made.moments.stood_at = Some(rest.len());
+                    put_before(&mut made, rest);
+                    return Ok((made, waited));
+                }
+                // As if there were nothing in the way of the knees.
+                _ => {}
+            }
+        }
+        play(task, begins)
+    }
+
     /// A motion for the task that meets nobody, where one is found: others who stay are in the way as furniture is; whoever goes by
     /// is let pass, or walked around. Also the frames that the person waits for others at its start, which it then begins with.
     fn among(&self, task: &Task, company: &Company) -> Result<(Synthesis, usize)> {
         let &Means { manifold, scene, database, stored, settings, seed, progress } = self;
         let company = Company { most_wait: (LONGEST_WAIT * FRAME_RATE) as usize, ..*company };
-        let play = |scene: &SceneIndex| {
+        let play = |scene: &SceneIndex, learnt: Option<&StoredPolicy>| {
             let company = Some(company);
-            synthesize_among(manifold, scene, None, database, task, stored, settings, seed, company, progress)
+            // What was learnt for one way round is tried on the next, and no more is learnt for the step.
+            let mut settings = settings.clone();
+            settings.ppo.updates = if learnt.is_some() { 0 } else { settings.ppo.updates };
+            let stored = learnt.or(stored);
+            synthesize_among(
+                manifold, scene, None, database, task, stored, &settings, seed, company, progress,
+            )
         };
+        let mut learnt: Option<StoredPolicy> = None;
         let places = task.places();
         let flies: f32 = places.windows(2).map(|way| way[0].distance(way[1])).sum();
         let lasts = STEP_SECONDS.0 * flies + STEP_SECONDS.1 + settings.synthesizer.hold_seconds;
@@ -210,15 +244,18 @@ impl Means<'_> {
         let mut best: Option<(Synthesis, Option<usize>)> = None;
         for detour in 0..=DETOURS {
             let crowded = if solids.is_empty() { None } else { Some(scene.with(&solids, progress)?) };
-            let made = match play(crowded.as_ref().unwrap_or(scene)) {
+            let made = match play(crowded.as_ref().unwrap_or(scene), learnt.as_ref()) {
                 // Whoever stays in the only way may leave it, and is met where not.
                 Err(Error::Input(_) | Error::Unreachable(_)) if crowded.is_some() && detour == 0 => {
                     solids.clear();
-                    play(scene)?
+                    play(scene, learnt.as_ref())?
                 }
                 Err(Error::Input(_) | Error::Unreachable(_)) if best.is_some() => break,
                 made => made?,
             };
+            if made.report.updates > 0 {
+                learnt = Some(made.policy.clone());
+            }
             let wait = company.wait(&made.motion);
             let known = solids.len();
             company.in_the_way(&made.motion, &places, ROOM, &mut solids);
@@ -260,16 +297,95 @@ impl Means<'_> {
         let lively = rest(liveliness(self.settings))?;
         // Who is as near to somebody as can be keeps still.
         let rest = if company.is_free(&lively) { lively } else { rest(0.0)? };
-        made.motion.postures.splice(0..0, rest.postures);
-        made.motion.contacts.splice(0..0, rest.contacts);
-        made.moments = made.moments.each(|frame| frame + frames);
-        let report = &mut made.report;
-        report.frames += frames;
-        report.action_from = report.action_from.map(|frame| frame + frames);
-        report.cues.iter_mut().for_each(|cue| cue.frame += frames);
-        report.edited.iter_mut().for_each(|edited| edited.complete_frame += frames);
+        put_before(made, rest);
         Ok(())
     }
+}
+
+/// Has a motion come after another, whose last frame would be its first.
+fn put_before(made: &mut Synthesis, rest: Motion) {
+    let frames = rest.len();
+    made.motion.postures.splice(0..0, rest.postures);
+    made.motion.contacts.splice(0..0, rest.contacts);
+    made.moments = made.moments.each(|frame| frame + frames);
+    let report = &mut made.report;
+    report.frames += frames;
+    report.action_from = report.action_from.map(|frame| frame + frames);
+    report.cues.iter_mut().for_each(|cue| cue.frame += frames);
+    report.edited.iter_mut().for_each(|edited| edited.complete_frame += frames);
+}
+
+/// Who sits has settled so long after the sit is complete, frames; and whoever has settled otherwise since does so as then within
+/// so many.
+const SETTLED: usize = 50;
+const RESETTLES: usize = 24;
+/// Who sits still begins to move within so many frames.
+const SETS_IN: f32 = 16.0;
+/// A pelvis this much lower than where the sit is entered is on its way down, metres.
+const GOES_DOWN: f32 = 0.03;
+
+/// How somebody leaves a seat whose front is taken up, as a chair at its desk: as they came onto it, the other way round in time, since
+/// what got in between table and seat gets out again. Also who stands beside the seat then. None of another seat, or where it is not
+/// known how it was taken.
+///
+/// The motion begins with the first frame that the person is to have, and would end with the posture of who stands.
+fn leaving_by_the_side(
+    scene: &SceneIndex,
+    start: &InitialState,
+    before: Option<&PerformedStep>,
+) -> Option<(Motion, InitialState)> {
+    let (seat, body, made) = (start.seat()?, start.body.as_ref()?, &before?.made);
+    let entered = made.moments.action_from?;
+    if made.end != EpisodeEnd::Complete || !ClearPath::to_cue(scene, seat).from_the_side() {
+        return None;
+    }
+    let Motion { postures, contacts } = &made.motion;
+    let complete = made.moments.complete.min(made.motion.len() - 1);
+    // Where the person stood with both feet before it, as still as can be.
+    let least = postures[entered].root_position.z - GOES_DOWN;
+    let speed = |frame: &usize| {
+        postures[*frame].root_position.distance(postures[frame.saturating_sub(1)].root_position)
+    };
+    let stands = (entered..complete)
+        .take_while(|&frame| postures[frame].root_position.z > least)
+        .filter(|&frame| contacts[frame].iter().all(|contact| *contact >= 1.0))
+        .min_by(|a, b| speed(a).total_cmp(&speed(b)))
+        .unwrap_or(entered);
+    let settled = (complete + SETTLED).min(made.motion.len() - 1);
+    let way = (settled - stands) as f32;
+    let frames = (way + 0.5 * SETS_IN).ceil() as usize;
+    let posture = |frame: usize| {
+        let time = frame as f32;
+        let gone = if time < SETS_IN { time * time / (2.0 * SETS_IN) } else { time - 0.5 * SETS_IN };
+        let at = settled as f32 - gone.min(way);
+        let (one, other) = (&postures[at.floor() as usize], &postures[at.ceil() as usize]);
+        let as_then = blended(one, other, at.fract());
+        blended(&body.postures[1], &as_then, smoothstep(time / RESETTLES as f32))
+    };
+    let contact =
+        |frame: usize| contacts[settled - (frame.saturating_sub(SETS_IN as usize / 2)).min(settled - stands)];
+    let rest =
+        Motion { postures: (0..frames).map(posture).collect(), contacts: (0..frames).map(contact).collect() };
+    let floor = start.position.z;
+    let body = BodyState {
+        postures: [posture(frames.saturating_sub(1)), posture(frames)],
+        contact: contacts[stands],
+        seat: None,
+    };
+    Some((rest, InitialState::continuing(start.name.clone(), body, floor)))
+}
+
+/// A posture between two, `part` of the way from one to the other.
+fn blended(one: &Posture, other: &Posture, part: f32) -> Posture {
+    if part >= 1.0 {
+        return *other;
+    }
+    let mut out = *one;
+    out.root_position = one.root_position.lerp(other.root_position, part);
+    for (rotation, to) in out.rotations.iter_mut().zip(&other.rotations) {
+        *rotation = rotation.slerp(*to, part).normalize();
+    }
+    out
 }
 
 /// What can be known of a performance before anything is played: whether each cue can be met from where the one before is met, and at
@@ -278,14 +394,19 @@ impl Means<'_> {
 /// # Errors
 /// `Input` or `Unreachable`, naming the cue.
 pub fn check_performance(scene: &SceneIndex, performance: &Performance) -> Result<()> {
+    check_steps(performance)?;
+    tasks_of(performance).iter().try_for_each(|task| check_task(scene, task))?;
+    check_times(performance)
+}
+
+/// The part of it that no scene is needed for, times aside.
+pub(crate) fn check_steps(performance: &Performance) -> Result<()> {
     if performance.steps.is_empty() {
         return Err(Error::input(format!(
             "Start ‘{}’ has no cue to go to; add a stop or a sit.",
             performance.start.name
         )));
     }
-    let floor = performance.start.position.z;
-    let mut start = performance.start.clone();
     for step in &performance.steps {
         if let Some(seconds) = step.hold_seconds.filter(|s| !(0.0..=600.0).contains(s)) {
             return Err(Error::input(format!(
@@ -293,16 +414,38 @@ pub fn check_performance(scene: &SceneIndex, performance: &Performance) -> Resul
                 step.cue.name
             )));
         }
-        let (passes, cue) = (step.passes.clone(), step.cue.clone());
-        let task = Task { start, passes, cue, manipulations: Vec::new() };
-        check_task(scene, &task)?;
-        // As whoever has met it: which posture it is plays no part here.
+    }
+    let cues: usize = performance.steps.iter().map(|step| step.passes.len() + 1).sum();
+    for look in &performance.looks {
+        if look.path.is_empty() || look.path.iter().any(|place| !place.is_finite()) || look.after > cues {
+            return Err(Error::input(format!(
+                "‘{}’ cannot be looked at: it has no place, one that is not a number, or comes after more cues than there are.",
+                look.name
+            )));
+        }
+        if let Some(seconds) = look.hold_seconds.filter(|s| !(0.0..=600.0).contains(s)) {
+            return Err(Error::input(format!(
+                "‘{}’ is to be looked at for {seconds} seconds; give 0 to 600.",
+                look.name
+            )));
+        }
+    }
+    check_things(performance)
+}
+
+/// A performance's steps, each begun by whoever has met the cue before.
+pub(crate) fn tasks_of(performance: &Performance) -> Vec<Task> {
+    let floor = performance.start.position.z;
+    let mut start = performance.start.clone();
+    let task = |step: &Step| {
+        // Which posture it is plays no part.
         let mut posture = Posture::default().moved(Planar::default(), step.cue.planar());
         posture.root_position.z += floor;
-        start = continuing(&step.cue, [posture; 2], [1.0; 2], floor);
-    }
-    check_things(performance)?;
-    check_times(performance)
+        let next = continuing(&step.cue, [posture; 2], [1.0; 2], floor);
+        let start = std::mem::replace(&mut start, next);
+        Task { start, passes: step.passes.clone(), cue: step.cue.clone(), manipulations: Vec::new() }
+    };
+    performance.steps.iter().map(task).collect()
 }
 
 /// The seed of a performance's step.
@@ -418,6 +561,8 @@ fn joined(
         append(&mut motion, &timing.rest(&here, Some(before), around, stays + 1, seed)?);
     }
     let around = Surroundings::with(scene, performance.seats(&moments));
+    // Hands last: they are where they are to be however chest and head turn.
+    let looks = looked(&mut motion, timing, performance, &moments)?;
     let done = hands.follow(&mut motion, &around, manifold, progress)?;
     progress.stage("Measuring");
     let around = Around { scene: Some(scene), moving: &[], wait: 0, database: Some(database) };
@@ -426,6 +571,7 @@ fn joined(
     problems.extend(stopped.into_iter().chain(unplayed(performance, steps.len())));
     problems.extend(unpunctual(performance, &moments));
     problems.extend(done.problems);
+    problems.extend(looks.iter().filter_map(unseen));
     problems.extend(measured.body.problems(&settings.report));
 
     let all = || steps.iter().map(|step| &step.made.report);
@@ -461,6 +607,7 @@ fn joined(
         rollouts_succeeded: all().map(|r| r.rollouts_succeeded).sum(),
         curve: all().flat_map(|r| r.curve.clone()).collect(),
         steps: told,
+        looks,
         settings: Settings { scene: scene.settings().clone(), ..settings.clone() },
         ..first.clone()
     };
@@ -472,6 +619,73 @@ fn append(motion: &mut Motion, more: &Motion) {
     let own = usize::from(!motion.is_empty());
     motion.postures.extend(&more.postures[own..]);
     motion.contacts.extend(&more.contacts[own..]);
+}
+
+/// Has the person look at what they are to, as far as the performance was played; `moments`: of each of its steps that was.
+fn looked(
+    motion: &mut Motion,
+    timing: &Timing,
+    performance: &Performance,
+    moments: &[Moments],
+) -> Result<Vec<LookReport>> {
+    if performance.looks.is_empty() {
+        return Ok(Vec::new());
+    }
+    timing.progress.stage("Looking");
+    // When each cue, waypoints among them, is met.
+    let (mut met, mut first) = (Vec::new(), 0);
+    for (step, moments) in performance.steps.iter().zip(moments) {
+        met.extend(passed(&step.passes, motion, first, moments.complete).iter().map(|pass| pass.frame));
+        met.push(moments.complete);
+        first = moments.complete;
+    }
+    let (looks, gazes): (Vec<&LookCue>, Vec<Gaze>) = performance
+        .looks
+        .iter()
+        .filter_map(|look| {
+            let first = if look.after == 0 { 0 } else { *met.get(look.after - 1)? };
+            let lasts = look.hold_seconds.map(|seconds| first + (seconds * FRAME_RATE).round() as usize);
+            let end = lasts.or(met.get(look.after).copied()).unwrap_or(motion.len()).min(motion.len());
+            Some((look, Gaze { frames: first.min(end)..end, path: &look.path }))
+        })
+        .unzip();
+    let around = Surroundings::with(timing.scene, performance.seats(moments));
+    let told = look(motion, &gazes, &around, timing.floor, timing.progress)?;
+    let report = |((cue, gaze), told): ((&LookCue, &Gaze), GazeFigures)| LookReport {
+        look: cue.name.clone(),
+        first: gaze.frames.start,
+        end: gaze.frames.end,
+        met: told.met,
+        turning: told.turning,
+        behind: told.behind,
+        held: told.held,
+    };
+    Ok(looks.into_iter().zip(&gazes).zip(told).map(report).collect())
+}
+
+/// What is said of something that was not looked at for most of the time in which it could have been.
+fn unseen(look: &LookReport) -> Option<String> {
+    let seconds = |frames: usize| frames as f32 / FRAME_RATE;
+    let (name, lasts) = (&look.look, look.end - look.first);
+    if 2 * look.met >= lasts - look.turning && look.met > 0 {
+        return None;
+    }
+    let of = format!("‘{name}’ is looked at for {:.1} of {:.1} s", seconds(look.met), seconds(lasts));
+    Some(if look.turning >= look.behind.max(look.held) {
+        format!("{of}, which is too short to turn there; give it longer.")
+    } else if look.behind >= look.held {
+        format!(
+            "{of}: for {:.1} s it lies behind the person, farther round than head and chest turn; turn the cue that comes before it, \
+             or move what is looked at.",
+            seconds(look.behind)
+        )
+    } else {
+        format!(
+            "{of}: for {:.1} s the head does not get there, as it lies too high or too low, or what stands around is in the way; move \
+             it.",
+            seconds(look.held)
+        )
+    })
 }
 
 /// What is said where a performance ends after so many steps, and not all are played.

@@ -65,6 +65,25 @@ pub struct StepReport {
     pub shortest_path_m: f32,
 }
 
+/// What is told of something that the person was to look at. Frames of the whole motion.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LookReport {
+    /// The cue's name.
+    pub look: String,
+    /// From and to before which frame.
+    pub first: usize,
+    /// To before which.
+    pub end: usize,
+    /// On so many of them the gaze meets it, within 5°.
+    pub met: usize,
+    /// On so many the head is on its way there.
+    pub turning: usize,
+    /// On so many it is behind the person.
+    pub behind: usize,
+    /// On so many the head does not get there: it is too high or low, or the body or what stands around is in the way.
+    pub held: usize,
+}
+
 #[allow(clippy::trivially_copy_pass_by_ref)] // As serde calls it.
 fn is_none(frames: &usize) -> bool {
     *frames == 0
@@ -98,6 +117,9 @@ pub struct Report {
     /// What became of things that were taken; empty where none was.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub things: Vec<ThingFigures>,
+    /// What the person was to look at; missing where that is nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub looks: Vec<LookReport>,
     /// How the person is in others of the shot; none of who is alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub others: Option<OthersFigures>,

@@ -210,6 +210,7 @@ pub(crate) fn synthesize_among(
         action_from: moments.action_from,
         steps: Vec::new(),
         things: Vec::new(),
+        looks: Vec::new(),
         others: None,
         foot,
         penetration: penetration.unwrap_or_default(),

@@ -117,6 +117,14 @@ pub fn check_together(scene: &SceneIndex, performances: &[Performance]) -> Resul
         return Err(Error::input("There is nobody to perform; add a start."));
     }
     for performance in performances {
+        check_performance(scene, performance).map_err(|error| of(performance, performances.len(), error))?;
+    }
+    check_people(performances)
+}
+
+/// The part of it that is about several people, and for which no scene is needed.
+pub(crate) fn check_people(performances: &[Performance]) -> Result<()> {
+    for performance in performances {
         // Others are waited for and walked around on the way that is played, which a time would change.
         if let Some(timed) =
             performance.steps.iter().find(|s| performances.len() > 1 && s.at_seconds.is_some())
@@ -126,7 +134,6 @@ pub fn check_together(scene: &SceneIndex, performances: &[Performance]) -> Resul
                 performance.start.name, timed.cue.name
             )));
         }
-        check_performance(scene, performance).map_err(|error| of(performance, performances.len(), error))?;
     }
     for (at, one) in performances.iter().enumerate() {
         for other in &performances[..at] {

@@ -165,6 +165,7 @@ fn performance() -> Performance {
             step(vec![by("Back", 1.3, 0.4)], cue("There", ActionType::Stop, [0.6, -1.6, 0.0], 1.5), None),
         ],
         things: Vec::new(),
+        looks: Vec::new(),
     }
 }
 

@@ -12,8 +12,8 @@ use oncue::motion::Joint;
 use oncue::perform::check_performance;
 use oncue::scene::SceneIndex;
 use oncue::{
-    ActionCue, ActionType, Error, Hand, InitialState, ManipulationCue, Motion, Performance, Performed,
-    Progress, Settings, Step, perform,
+    ActionCue, ActionType, Error, Hand, InitialState, LookCue, ManipulationCue, Motion, Performance,
+    Performed, Progress, Settings, Step, perform,
 };
 
 use common::boxes::boxes;
@@ -69,6 +69,7 @@ fn performance() -> Performance {
             step("Right", ActionType::Sit, [0.45, 2.12, 0.55], 0.0, None),
         ],
         things: Vec::new(),
+        looks: Vec::new(),
     }
 }
 
@@ -227,6 +228,77 @@ fn what_can_be_known_is_said_before_anything_is_played() {
     assert!(said(&|p| p.steps[1].cue.position = Vec3::new(0.0, 0.0, 0.0)).contains("‘Beside’ stands inside"));
     assert!(said(&|p| p.steps[1].hold_seconds = Some(-2.0)).contains("-2 seconds at cue ‘Beside’"));
     assert!(said(&|p| p.steps[0].hold_seconds = Some(f32::NAN)).contains("at cue ‘Left’"));
+}
+
+#[test]
+fn a_chair_at_its_desk_is_left_by_the_side() {
+    // A chair without a back, and a desk whose top is 10 cm before the seat.
+    let (positions, triangles) = boxes(&[
+        ([-2.5, -2.5, -0.1], [2.5, 2.5, 0.0]),
+        ([-0.22, -0.2, 0.0], [0.22, 0.24, 0.45]),
+        ([-0.8, -1.0, 0.70], [0.8, -0.30, 0.74]),
+        ([-0.8, -1.0, 0.0], [0.8, -0.95, 0.70]),
+    ]);
+    let settings = Settings::default();
+    let scene = SceneIndex::build(&positions, &triangles, &settings.scene, &Progress::new()).expect("a room");
+    let asked = Performance {
+        start: InitialState::standing("Start", Vec3::new(1.8, 1.2, 0.0), -0.9),
+        steps: vec![
+            step("Desk", ActionType::Sit, [0.0, 0.02, 0.55], 0.0, Some(1.0)),
+            step("Away", ActionType::Stop, [-1.6, 1.4, 0.0], 2.5, None),
+        ],
+        looks: Vec::new(),
+    };
+    let made =
+        perform(None, &scene, database(), &asked, None, None, &settings, 1, &Progress::new()).expect("made");
+    assert!(made.report.success, "{:?}", made.report.problems);
+    let [sits, goes] = &made.report.steps[..] else { panic!("two steps") };
+    let stood = goes.moments.stood_at.expect("who sat gets up");
+    // On the seat the person turns before rising: the pelvis is as low as it was, and faces aside by then.
+    let motion = &made.motion;
+    let (seat, turned) = (motion.postures[sits.moments.complete].root_position.z, |frame: usize| {
+        motion.postures[frame].planar().yaw.abs().to_degrees()
+    });
+    let rises = (goes.first_frame..stood)
+        .find(|&frame| motion.postures[frame].root_position.z > seat + 0.06)
+        .expect("the pelvis rises");
+    assert!(
+        turned(goes.first_frame) < 5.0 && turned(rises) > 40.0,
+        "{} {}",
+        turned(goes.first_frame),
+        turned(rises)
+    );
+    // Without a jump, and no harder than people.
+    assert!(motion.postures.windows(2).all(|w| w[0].root_position.distance(w[1].root_position) < 0.08));
+    assert!(made.report.speed.joint_ratio < 1.3, "{:?}", made.report.speed);
+}
+
+#[test]
+fn a_look_is_laid_over_the_motion_and_changes_no_step() {
+    let mut looking = performance();
+    let lamp = Vec3::new(2.2, -0.6, 1.4);
+    looking.looks.push(LookCue { name: "Lamp".into(), path: vec![lamp], after: 2, hold_seconds: None });
+    let made = play(&looking, Some(played())).expect("a performance");
+    let told = &made.report.looks[0];
+    let met: Vec<usize> = made.report.steps.iter().map(|step| step.moments.complete).collect();
+    assert_eq!((told.first, told.end), (met[1], met[2]));
+    assert_eq!(told.met + told.turning + told.behind + told.held, told.end - told.first);
+    assert!(told.met > 30, "{told:?}");
+    let (plain, looks) = (&played().motion, &made.motion);
+    assert_eq!((plain.len(), &plain.contacts), (looks.len(), &looks.contacts));
+    assert_eq!(plain.postures[..=told.first], looks.postures[..=told.first]);
+    for (one, other) in plain.postures.iter().zip(&looks.postures) {
+        assert_eq!(one.root_position, other.root_position);
+        let (one, other) = (one.pose(), other.pose());
+        for joint in [Joint::LeftToe, Joint::RightToe, Joint::LeftHand, Joint::RightHand] {
+            assert!(one.position(joint).distance(other.position(joint)) < 0.02, "{joint:?}");
+        }
+    }
+    assert_ne!(plain.postures, looks.postures);
+    // Nothing that cannot be is looked at.
+    looking.looks[0].after = 9;
+    let refused = play(&looking, None).expect_err("there are three cues");
+    assert!(refused.to_string().contains("‘Lamp’ cannot be looked at"), "{refused}");
 }
 
 /// The performance with its cues to be met so many seconds later than they are by themselves.

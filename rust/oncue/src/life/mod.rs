@@ -6,6 +6,7 @@
 
 mod armrest;
 mod backrest;
+mod gaze;
 mod limb;
 mod pause;
 mod score;
@@ -29,6 +30,7 @@ use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
 use crate::progress::Progress;
 use armrest::lay_aside;
 use backrest::{leans_already, settle_trunk};
+pub(crate) use gaze::{Gaze, GazeFigures, look};
 use limb::reach;
 pub(crate) use pause::{Pause, pause};
 use score::{Moment, Score};
@@ -528,13 +530,17 @@ struct Flaws {
 
 impl Flaws {
     fn of(posture: &Posture, hold: &Hold) -> Self {
+        Self::on_frame(posture, &hold.around, usize::MAX, hold.floor)
+    }
+
+    /// On a frame of a motion, in which the seat of that frame carries the person.
+    fn on_frame(posture: &Posture, around: &Surroundings, frame: usize, floor: f32) -> Self {
         let pose = posture.pose();
-        let around = &hold.around;
-        let above = hold.floor + around.ignore_below;
+        let above = floor + around.ignore_below;
         Self {
-            crossings: around.scene.intersections_on(&pose, above, around.seats.at_end()),
+            crossings: around.scene.intersections_on(&pose, above, around.seats.at(frame)),
             own: touching(&pose, 0.0).collect(),
-            scene: in_scene(&pose, usize::MAX, hold.floor, &hold.around)
+            scene: in_scene(&pose, frame, floor, around)
                 .into_iter()
                 .map(|(part, depth, _)| (part, depth))
                 .collect(),

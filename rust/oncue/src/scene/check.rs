@@ -35,25 +35,48 @@ const INSIDE: f32 = 0.12;
 /// Errors: `Input` for a start or cue that is misplaced in itself, `Unreachable` where no clear way leads; the
 /// sentence names it, the value, and what to do.
 pub fn check_task(scene: &SceneIndex, task: &Task) -> Result<()> {
-    check_start(scene, task)?;
-    check_feet(&task.cue)?;
-    task.passes.iter().try_for_each(|pass| check_pass(scene, &task.start.name, pass))?;
-    let spec = task.cue.action_type.spec();
+    way_of(scene, task).map(|_| ()).map_err(|misfit| misfit.error)
+}
+
+/// Why a task cannot be done, and where that shows, world, metres.
+#[derive(Debug)]
+pub(crate) struct Misfit {
+    pub error: Error,
+    /// The start, waypoint or cue that is misplaced; where no way leads, where the free floor ends.
+    pub at: Vec3,
+}
+
+impl Misfit {
+    fn at(at: Vec3) -> impl Fn(Error) -> Misfit {
+        move |error| Misfit { error, at }
+    }
+}
+
+/// The way from the start to the cue, where the task can be done.
+pub(crate) fn way_of(scene: &SceneIndex, task: &Task) -> std::result::Result<Way, Misfit> {
+    let cue = &task.cue;
+    let of_cue = Misfit::at(cue.position);
+    check_start(scene, task).map_err(Misfit::at(task.start.position))?;
+    check_feet(cue).map_err(&of_cue)?;
+    for pass in &task.passes {
+        check_pass(scene, &task.start.name, pass).map_err(Misfit::at(pass.position))?;
+    }
+    let spec = cue.action_type.spec();
     if !spec.has_cue {
-        return Err(Error::input(format!(
+        return Err(of_cue(Error::input(format!(
             "Cue ‘{}’ asks for no action that a motion can end with: {} is not one.",
-            task.cue.name, spec.name
-        )));
+            cue.name, spec.name
+        ))));
     }
     let checked = match spec.approach {
-        Approach::Seat => check_seat(scene, &task.cue),
-        Approach::Place => check_place(scene, &task.cue, spec.name),
+        Approach::Seat => check_seat(scene, cue),
+        Approach::Place => check_place(scene, cue, spec.name),
     };
-    let checked = checked.and_then(|()| check_ways(scene, task));
+    let checked = checked.map_err(&of_cue).and_then(|()| check_ways(scene, task));
     // The height of a place to stand says nothing, so that a way may lead under it or over it.
     let may_be_elsewhere = checked.is_err() || spec.approach == Approach::Place;
-    match on_another_level(scene, &task.cue, spec.name, &task.start.name).filter(|_| may_be_elsewhere) {
-        Some(error) => Err(error),
+    match on_another_level(scene, cue, spec.name, &task.start.name).filter(|_| may_be_elsewhere) {
+        Some(error) => Err(of_cue(error)),
         None => checked,
     }
 }
@@ -313,17 +336,18 @@ pub(super) fn inside(scene: &SceneIndex, cue: &ActionCue) -> Option<String> {
 }
 
 /// Whether a way leads to the cue, by its waypoints in their order.
-fn check_ways(scene: &SceneIndex, task: &Task) -> Result<()> {
+fn check_ways(scene: &SceneIndex, task: &Task) -> std::result::Result<Way, Misfit> {
     let way = Way::to_cue(scene, &task.passes, &task.cue);
     if way.last().approach_points().is_empty() {
-        return Err(nowhere_to_stand(scene, &task.cue));
+        return Err(Misfit::at(task.cue.position)(nowhere_to_stand(scene, &task.cue)));
     }
     let mut from = (way.departure(scene, &task.start), format!("start ‘{}’", task.start.name));
     for (leg, pass) in task.passes.iter().enumerate() {
         check_way(scene, way.leg(leg), from, PASS, &pass.name)?;
         from = (pass.place(), format!("pass cue ‘{}’", pass.name));
     }
-    check_way(scene, way.last(), from, task.cue.action_type.spec().name, &task.cue.name)
+    check_way(scene, way.last(), from, task.cue.action_type.spec().name, &task.cue.name)?;
+    Ok(way)
 }
 
 /// `from`: a place, and whose it is; `ways` lead to a cue of that kind and name.
@@ -333,29 +357,30 @@ fn check_way(
     (from, whose): (Vec2, String),
     kind: &str,
     name: &str,
-) -> Result<()> {
+) -> std::result::Result<(), Misfit> {
     if ways.distance(from).is_finite() {
         return Ok(());
     }
     // Which of the two is shut in: look from the start at how near a clear way comes.
-    let start = PassCue { name: whose.clone(), position: from.extend(scene.floor_height()) }.as_stop();
-    let from_start = ClearPath::to_cue(scene, &start);
+    let from_start = ClearPath::to_place(scene, from);
     let goal = ways.goal();
     let grid = scene.occupancy();
     let nearest = (0..grid.raster.len())
         .filter(|&i| grid.clearance_cells()[i] >= scene.settings().blocked_clearance)
         .map(|i| grid.raster.center(i))
         .filter(|&p| from_start.distance(p).is_finite())
-        .map(|p| p.distance(goal))
-        .fold(f32::INFINITY, f32::min);
-    let ends = if nearest.is_finite() {
-        format!("the floor that is free for a person ends {nearest:.2} m from the cue")
-    } else {
-        format!("{whose} has no room around it")
+        .min_by(|a, b| a.distance(goal).total_cmp(&b.distance(goal)));
+    let ends = match nearest {
+        Some(place) => {
+            let away = place.distance(goal);
+            format!("the floor that is free for a person ends {away:.2} m from the cue")
+        }
+        None => format!("{whose} has no room around it"),
     };
-    Err(Error::Unreachable(format!(
+    let at = nearest.unwrap_or(from).extend(scene.floor_height());
+    Err(Misfit::at(at)(Error::Unreachable(format!(
         "{kind} cue ‘{name}’ cannot be reached from {whose}: {ends}; open a door or clear a way at least 30 cm wide."
-    )))
+    ))))
 }
 
 /// The highest surface at or under `from` within `radius` of a place, of nine points.

@@ -11,7 +11,7 @@ use super::eikonal::TravelTimes;
 use super::raster::{Raster, Stencil};
 use super::settings::SceneSettings;
 use crate::action::Approach;
-use crate::cue::{ActionCue, InitialState};
+use crate::cue::{ActionCue, InitialState, PassCue};
 use crate::math::Planar;
 use crate::math::rotation::wrap_angle;
 
@@ -131,6 +131,12 @@ impl ClearPath {
         times.march(&raster, |i| if walkable[i] { f32::INFINITY } else { 2.0 * BLOCKED_COST }, true, BAND);
         let descent = (0..raster.len()).map(|i| steepest(&raster, &times.time, i)).collect();
         Self { raster, goal, yaw: cue.yaw, approach, times, descent }
+    }
+
+    /// The ways to a place to stand.
+    pub(crate) fn to_place(scene: &SceneIndex, place: Vec2) -> ClearPath {
+        let position = place.extend(scene.floor_height());
+        Self::to_cue(scene, &PassCue { name: String::new(), position }.as_stop())
     }
 
     /// Metres along the clear floor from `xy` to the cue (for a seat, the straight rest from the approach point

@@ -49,6 +49,7 @@ mod triangle_tree;
 mod way;
 
 pub use capsule_depth::SceneContact;
+pub(crate) use check::{Misfit, way_of};
 pub use check::{check_task, short_of_knee_room};
 pub use clear_path::{ApproachPoint, ClearPath};
 pub use moving::{BODY_REACH, MovingObject};
