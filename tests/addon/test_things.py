@@ -199,7 +199,7 @@ def test_where_to_stand_is_found(oncue, objects):
     assert bpy.ops.oncue.place_take(hand="right") == {"FINISHED"}
     bpy.context.scene.cursor.location = (-2.5, 0.1, 1.2)
     assert bpy.ops.oncue.place_put() == {"FINISHED"}
-    order = [cue.name for cue in shown.played_cues(bpy.context)]
+    order = [cue.name for cue in shown.ordered_cues(bpy.context)]
     assert order == ["Stop", "Take Cup", "Stop.001", "Put Cup"]
     for name, thing in (("Stop", "Take Cup"), ("Stop.001", "Put Cup")):
         stop, what = bpy.data.objects[name], bpy.data.objects[thing]

@@ -110,8 +110,9 @@ pub fn find_ways(scene: &SceneIndex, task: Asked<'_>) -> PyResult<Job> {
         Asked::OfOne(dict) if dict.contains("steps")? => vec![json::from_dict("performance", &dict)?],
         Asked::OfOne(dict) => {
             let Task { start, passes, cue, manipulations } = json::from_dict("task", &dict)?;
-            let step = Step { passes, cue, hold_seconds: None, at_seconds: None, manipulations };
-            vec![Performance { start, steps: vec![step], looks: Vec::new() }]
+            let step =
+                Step { passes, cue, hold_seconds: None, at_seconds: None, manipulations, things: Vec::new() };
+            vec![Performance { start, steps: vec![step], things: Vec::new(), looks: Vec::new() }]
         }
         Asked::OfSeveral(people) => performances_of(&people)?,
     };

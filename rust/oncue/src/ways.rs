@@ -134,6 +134,7 @@ mod tests {
             hold_seconds: None,
             at_seconds: None,
             manipulations: Vec::new(),
+            things: Vec::new(),
         }
     }
 
@@ -146,6 +147,7 @@ mod tests {
             start: InitialState::standing("Start", Vec3::new(x, y, 0.0), 0.0),
             steps,
             looks: Vec::new(),
+            things: Vec::new(),
         }
     }
 

@@ -248,6 +248,7 @@ fn a_chair_at_its_desk_is_left_by_the_side() {
             step("Away", ActionType::Stop, [-1.6, 1.4, 0.0], 2.5, None),
         ],
         looks: Vec::new(),
+        things: Vec::new(),
     };
     let made =
         perform(None, &scene, database(), &asked, None, None, &settings, 1, &Progress::new()).expect("made");

@@ -82,6 +82,7 @@ fn carries(thing: &Thing, hand: Hand, to: [f32; 3], yaw: Option<f32>) -> Perform
             step("Low", ActionType::Stop, [-1.2, -0.2, 0.0], -quarter, vec![put(thing, to, yaw)]),
         ],
         things: vec![thing.clone()],
+        looks: Vec::new(),
     }
 }
 
