@@ -380,8 +380,9 @@ def build_extension(session: nox.Session, wheels: list[Path]) -> list[Path]:
         shutil.copy2(wheel, staging / "wheels")
     manifest = staging / "blender_manifest.toml"
     manifest.write_text(with_wheels(manifest.read_text(encoding="utf-8"), wheels), encoding="utf-8", newline="\n")
-    for old in folder.glob("oncue-*.zip"):
-        old.unlink()
+    for wheel in wheels:
+        for old in folder.glob(f"oncue-*-{platform_of(wheel).name.replace('-', '_')}.zip"):
+            old.unlink()
     session.run(*command, "build", "--split-platforms", "--source-dir", str(staging), "--output-dir", str(folder))
     archives = []
     for wheel in wheels:
