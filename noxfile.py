@@ -235,7 +235,7 @@ def build_portable_wheel(session: nox.Session, platform: Platform) -> Path:
     Windows and macOS.
     """
     tools = environment(session, "portable", PORTABLE)
-    arguments, env = recipe(session, platform, tools)
+    arguments, env = recipe(platform, tools)
     epoch = date_of_the_sources()
     cargo = Path(os.environ.get("CARGO_HOME", Path.home() / ".cargo"))
     # Sentences of panics name source files; those of this machine's folders would differ from machine to machine.
@@ -259,10 +259,10 @@ def build_portable_wheel(session: nox.Session, platform: Platform) -> Path:
     return wheel
 
 
-def recipe(session: nox.Session, platform: Platform, tools: Path) -> tuple[list[str], dict[str, str]]:
+def recipe(platform: Platform, tools: Path) -> tuple[list[str], dict[str, str]]:
     """The arguments and environment of the maturin beside `tools` for `platform`. Raises CannotBuild.
 
-    Rust's standard library for it is there, or rustup fetches it, or it is built from the sources that
+    Rust's standard library for it is there, as `rustup target add` fetches it, or it is built from the sources that
     `ONCUE_RUST_SOURCES` names: a folder with Rust's `library`, of the version of this machine's compiler.
     """
     target = platform.target
@@ -285,13 +285,11 @@ def recipe(session: nox.Session, platform: Platform, tools: Path) -> tuple[list[
     if given := os.environ.get("ONCUE_RUST_SOURCES"):
         env |= {"RUSTC_BOOTSTRAP": "1", "__CARGO_TESTS_ONLY_SRC_ROOT": str(standard_library(Path(given)))}
         return [*arguments, "-Z", "build-std=std,panic_unwind"], env
-    if not shutil.which("rustup"):
-        raise CannotBuild(f"Rust's standard library for {target} is not installed, and rustup is not there to fetch it")
-    try:
-        session.run("rustup", "target", "add", target, external=True)
-    except CommandFailed as failed:
-        raise CannotBuild(f"rustup could not fetch Rust's standard library for {target}") from failed
-    return arguments, env
+    # A toolchain is shared with other work, so nothing is put into it unasked.
+    raise CannotBuild(
+        f"Rust's standard library for {target} is not installed; `rustup target add {target}` fetches it, "
+        "or ONCUE_RUST_SOURCES names Rust's sources, which it is then built from"
+    )
 
 
 def zig_for_windows(target: str, folder: Path) -> dict[str, str]:
@@ -382,8 +380,9 @@ def build_extension(session: nox.Session, wheels: list[Path]) -> list[Path]:
         shutil.copy2(wheel, staging / "wheels")
     manifest = staging / "blender_manifest.toml"
     manifest.write_text(with_wheels(manifest.read_text(encoding="utf-8"), wheels), encoding="utf-8", newline="\n")
-    for old in folder.glob("oncue-*.zip"):
-        old.unlink()
+    for wheel in wheels:
+        for old in folder.glob(f"oncue-*-{platform_of(wheel).name.replace('-', '_')}.zip"):
+            old.unlink()
     session.run(*command, "build", "--split-platforms", "--source-dir", str(staging), "--output-dir", str(folder))
     archives = []
     for wheel in wheels:
@@ -535,7 +534,7 @@ def build(session: nox.Session) -> None:
     names = [platform.name for platform in PLATFORMS]
     asked = [argument for argument in session.posargs if argument not in ("--all", "--wheels")]
     if unknown := [name for name in asked if name not in names]:
-        session.error(f"There is no platform {unknown[0]}. Those that there are: {', '.join(names)}.")
+        session.error(f"There is no platform {unknown[0]}. Those that there are: {', '.join(names)}")
     here = this_platform()
     if "--all" in session.posargs:
         asked = sorted(names, key=lambda name: name != here)
@@ -562,7 +561,8 @@ def build(session: nox.Session) -> None:
     for file in made:
         session.log(f"{file.relative_to(ROOT)}  {file.stat().st_size / 1e6:.1f} MB  sha256 {digest(file.read_bytes())}")
     if lacking:
-        session.error(" ".join(lacking))
+        # nox adds the full stop.
+        session.error(" ".join(lacking).removesuffix("."))
 
 
 @nox.session

@@ -35,7 +35,7 @@ LIMIT = 12_000_000
 
 #: What a system brings along. Whatever else a library asks for is missing on somebody's machine.
 LINUX = re.compile(r"(ld-linux-.*|lib(c|m|dl|pthread|rt|util|gcc_s))\.so\.\d+")
-MAC = re.compile(r"/usr/lib/(libSystem\.B|libiconv\.2|libobjc\.A)\.dylib")
+MAC = re.compile(r"/usr/lib/(libSystem\.B|libiconv\.2|libcharset\.1|libobjc\.A)\.dylib")
 WINDOWS = re.compile(
     r"(python3|kernel32|ntdll|advapi32|bcrypt|bcryptprimitives|userenv|ws2_32|msvcrt|ucrtbase|vcruntime140(_1)?"
     r"|api-ms-win-[a-z0-9-]+)\.dll",
@@ -194,6 +194,9 @@ def of_library(data: bytes, tag: str) -> list[str]:
         actual, needed, system = library.header.machine.name, [entry.name for entry in library.imports], WINDOWS
         left = [section.name for section in library.sections if section.name.startswith(".debug")]
         families = ("win",)
+        # zig exports all of it where rustc's list does not come through, and then nothing that is unused is left out.
+        if inner := [entry.name for entry in library.exported_functions if entry.name.startswith(("_R", "_ZN"))]:
+            found.append(f"exports {len(inner)} functions of its inside.")
         if "python3.dll" not in [name.lower() for name in needed]:
             found.append("does not ask for python3.dll, which is the same for every Python.")
     else:
@@ -205,9 +208,6 @@ def of_library(data: bytes, tag: str) -> list[str]:
             found.append(f"asks for macOS {'.'.join(map(str, least))}.")
         if tag.endswith("arm64"):
             found += of_signature(data, library)
-    # Rust's own names among them say that all was exported, and nothing that is not used was left out.
-    if inner := [name for name in exported(library) if re.match("_{1,2}(R[A-Z]|ZN)", name)]:
-        found.append(f"exports {len(inner)} functions of its inside.")
     if actual not in machine or not any(family in tag for family in families):
         found.append(f"is for {actual}.")
     found += [f"asks for {name}, which not every system has." for name in needed if not system.fullmatch(name)]
@@ -216,12 +216,6 @@ def of_library(data: bytes, tag: str) -> list[str]:
     if leak := re.search(re.escape(str(Path.home())).encode() + rb"[^\0]{0,60}", data):
         found.append(f"names a path of the machine that built it: {leak[0].decode(errors='replace')}.")
     return found
-
-
-def exported(library: Any) -> list[str]:
-    """The names that other programs can ask a library for."""
-    symbols = library.exported_functions if hasattr(library, "get_export") else library.exported_symbols
-    return [str(symbol.name) for symbol in symbols]
 
 
 def least_macos(library: Any) -> tuple[int, ...]:
