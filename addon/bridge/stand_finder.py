@@ -16,8 +16,8 @@ REACHES = (0.45, 0.40, 0.50, 0.56, 0.62)
 WITHIN_REACH = 0.75
 #: Places on a ring, and how much an angle of a half turn counts against metres of a worse distance.
 PLACES, TURN_COUNTS = 24, 0.35
-#: A body is free where nothing is nearer than this at these heights over the floor, metres.
-GIRTH, HEIGHTS = 0.24, (0.25, 0.60, 0.95, 1.40)
+#: A body, and knees that bend, are free where nothing is nearer than this at these heights over the floor, metres.
+GIRTH, HEIGHTS = 0.30, (0.25, 0.60, 0.95, 1.40)
 #: The floor is looked for from so far over it, and is no step, metres.
 OVER_FLOOR, NO_STEP = 1.0, 0.05
 #: Directions into which a place is to be free.

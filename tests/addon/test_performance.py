@@ -264,11 +264,18 @@ def test_a_waypoint_in_the_furniture_is_named(objects, room):
 def test_what_plays_one_cue_says_so(oncue, objects, room):
     with pytest.raises(oncue("errors").SceneError, match=r"Follow Cues plays one.*there are 2"):
         oncue("bridge.session").read_request(bpy.context, hands=False)
+
+
+def test_a_hand_that_is_asked_for_too_early_is_told_by_its_cue_and_person(oncue, objects, room):
+    bpy.context.scene.cursor.location = (0.1, 1.0, 0.9)
     objects.place_hand(bpy.context, "left_hand", 30, 40, 1.0)
-    before = datablocks()
-    with pytest.raises(RuntimeError, match=r"Left Hand.*there are 2"):
-        bpy.ops.oncue.synthesize()
-    assert datablocks() == before
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    report = oncue("bridge.session").report_of(current_action())
+    met = report["cues"][0]["frame"] + 11
+    said = f"‘Left Hand’ is out of reach on frame 30, and ‘Start’ is at ‘Sit’ on frame {met} only"
+    assert [problem for problem in report["problems"] if said in problem], report["problems"]
+    assert not report["success"]
+    assert all(cue["met"] for cue in report["cues"])
 
 
 def test_a_cue_that_cannot_be_met_is_named_before_anything_is_made(room):
@@ -298,9 +305,16 @@ def test_frames_become_times_of_the_motion(oncue, objects, read, room):
     assert step["at_seconds"] == pytest.approx(309 / 24)
     with pytest.raises(oncue("errors").SceneError, match=r"Follow Cues plays no cue .* on a frame, as Aside is"):
         session.read_request(bpy.context, hands=False)
-    objects.place_hand(bpy.context, "left_hand", 30, 40, 1.0)
-    with pytest.raises(RuntimeError, match=r"Hands follow their cues \(Left Hand\).*and Aside has one too"):
-        bpy.ops.oncue.synthesize()
+    # A hand goes with a time.
+    scene.cursor.location = (-1.05, -1.45, 1.1)
+    hand = objects.place_hand(bpy.context, "left_hand", 360, 370, 1.0)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    report = session.report_of(current_action())
+    assert report["success"], report["problems"]
+    assert abs(report["steps"][0]["late_s"]) < 0.02
+    for frame in (360, 370):
+        assert (evaluated_palm(scene.oncue.character, "Left", frame) - hand.matrix_world.translation).length < 0.01
+    bpy.data.objects.remove(hand)
     del stop["oncue_at_frame"]
     assert "steps" not in read()
 

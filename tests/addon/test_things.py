@@ -223,3 +223,34 @@ def test_where_to_stand_is_found(oncue, objects):
     with pytest.raises(RuntimeError, match="Nobody can stand within reach of Put Cup"):
         bpy.ops.oncue.place_put()
     assert "Put Cup" not in bpy.data.objects
+
+
+def test_a_real_laptop_is_carried_in_both_hands(oncue, objects, shared_data):
+    """An empty with two meshes, from the table to the low one, from where one finds to stand."""
+    add_floor()
+    add_cube("Table", (1.85, -0.2, 0.375), (0.7, 1.6, 0.75))
+    add_cube("Low", (-2.0, -0.2, 0.225), (0.8, 1.6, 0.45))
+    bpy.ops.import_scene.gltf(filepath=str(shared_data / "objects" / "laptop.glb"))
+    laptop = bpy.data.objects["laptop"]
+    assert laptop.type == "EMPTY"
+    box = oncue("bridge.things").read_thing(laptop, laptop, None, 1.0)
+    assert sorted(np.subtract(box["high"], box["low"])) == pytest.approx([0.016, 0.228, 0.325], abs=2e-3)
+    middle = 0.5 * (np.array(box["low"]) + box["high"])
+    laptop.location = (1.72 - middle[0], -0.2 - middle[1], 0.752 - box["low"][2])
+    bpy.context.view_layer.update()
+    objects.make_cue(bpy.context, "start", (0.0, -1.5, 0), 2.5)
+    pick(laptop)
+    assert bpy.ops.oncue.place_take(hand="both") == {"FINISHED"}
+    bpy.context.scene.cursor.location = (-1.8, -0.15, 0.6)
+    assert bpy.ops.oncue.place_put() == {"FINISHED"}
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    take = current_action()
+    report = oncue("bridge.session").report_of(take)
+    assert report["success"], report["problems"]
+    (told,) = report["things"]
+    assert told["put_cm"] < 1
+    assert told["in_body_cm"] < 1
+    # What hangs on it goes with it.
+    lid = at(bpy.data.objects["laptop_lid"], int(take.frame_end))
+    assert np.linalg.norm(lid[:2, 3] - [-1.8, -0.15]) < 0.25
+    assert 0.44 < lid[2, 3] < 0.52

@@ -36,7 +36,7 @@ const AHEAD: (f32, f32) = (0.30, 0.48);
 /// And so far over it: forearms lie level; for what reaches far down, higher.
 const OVER_PELVIS: (f32, f32) = (0.17, 0.45);
 /// What is carried ends no farther than this below the pelvis, metres: walking thighs pass under it.
-const BELOW: f32 = 0.22;
+const BELOW: f32 = 0.14;
 /// One palm is carried so far to its side, metres.
 const ASIDE: f32 = 0.18;
 /// Palms keep so far over what a thing stands on, metres: fingers point down.

@@ -24,7 +24,7 @@ use crate::editor::{
     Constraint, ConstraintFigures, EditedMotion, ManipulationFigures, TaskEditFigures, Wishes, edit_motion,
 };
 use crate::error::{Error, Result};
-use crate::figures::Surroundings;
+use crate::figures::{Surroundings, in_scene};
 use crate::manifold::Manifold;
 use crate::motion::skeleton::palm;
 use crate::motion::{FRAME_RATE, Joint, Motion};
@@ -35,6 +35,8 @@ use crate::settings::{EditorSettings, ReportSettings, Settings};
 const SETTLES: usize = 18;
 /// Nobody is drawn farther than this from where they are by a hand that reaches, metres: who has to go farther walks.
 const DRAWN: f32 = 0.20;
+/// Knees that would be deeper than this in something do not bend, metres.
+const IN_THE_WAY: f32 = 0.01;
 /// Frames between what one hand does and the next.
 const BETWEEN: usize = 6;
 /// A thing that is put down is where it was asked for within this, metres.
@@ -406,13 +408,13 @@ impl Laying<'_> {
         let blend = reach_frames(0.0, self.settings);
         let takes = carry.taken..=carry.lifted();
         let crouches = held.crouches(&laid, self.floor, takes, blend, LIFTS);
-        let (mut within, _) = self.reach(&joined(first, crouches), &mut laid, grips, None)?;
+        let mut within = self.reach_low(first, crouches, &mut laid, grips)?;
         if let Some(down) = &carry.down {
             let from = down.from.saturating_sub(FADES).max(carry.carried());
             let then = held.asks(&down.cue.name, from..=down.placed() + GRIPS - 1);
             let puts = down.placed()..=down.placed() + GRIPS;
             let crouches = held.crouches(&laid, self.floor, puts, LIFTS, blend);
-            within.end = self.reach(&joined(then, crouches), &mut laid, grips, None)?.0.end;
+            within.end = self.reach_low(then, crouches, &mut laid, grips)?.end;
         } else {
             within.end = motion.len();
         }
@@ -421,6 +423,30 @@ impl Laying<'_> {
         free_arms_within(&mut laid, self.room(), &[], &all, within, self.progress)?;
         *motion = laid;
         Ok(held)
+    }
+
+    /// Has the body reach for what is asked with knees that bend, but where something is in their way; over which frames.
+    fn reach_low(
+        &self,
+        asked: Vec<Constraint>,
+        crouches: Option<Constraint>,
+        motion: &mut Motion,
+        grips: &[Grip],
+    ) -> Result<Range<usize>> {
+        if let Some(crouches) = crouches {
+            let mut bent = motion.clone();
+            let all: Vec<Constraint> = asked.iter().cloned().chain([crouches]).collect();
+            let (span, _) = self.reach(&all, &mut bent, grips, None)?;
+            let is_free = |frame: usize| {
+                let touches = in_scene(&bent.postures[frame].pose(), frame, self.floor, self.around);
+                touches.iter().all(|(part, depth, _)| part.is_arm() || *depth < IN_THE_WAY)
+            };
+            if span.clone().all(is_free) {
+                *motion = bent;
+                return Ok(span);
+            }
+        }
+        Ok(self.reach(&asked, motion, grips, None)?.0)
     }
 
     /// Carries hands along their paths, and takes arms out of what they are in meanwhile.
@@ -485,9 +511,4 @@ impl Laying<'_> {
         figures.constraints.truncate(asked.len());
         Ok((span, figures.constraints))
     }
-}
-
-fn joined(mut asked: Vec<Constraint>, more: Option<Constraint>) -> Vec<Constraint> {
-    asked.extend(more);
-    asked
 }
