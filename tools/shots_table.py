@@ -267,8 +267,8 @@ def page(played: list[Played], asked: int, beside: dict[str, Played], seed: str)
         "`../shared/data/rooms`, each through `batch.py` in a Blender of its own, with nothing kept from before.",
         "",
         f"{len(played)} of {asked} shots, {len(several)} of them of two or three people: {sum(ends)} of {len(ends)} "
-        f"sits and stops are met within {NEAR_CM:.0f} cm and {TURNED:.0f}°, {sum(passes)} of {len(passes)} waypoints within "
-        f"{PASSED_CM:.0f} cm; in {len(fine)} shots every cue is met and nothing else is wrong.",
+        f"sits and stops are met within {NEAR_CM:.0f} cm and {TURNED:.0f}°, {sum(passes)} of {len(passes)} waypoints "
+        f"within {PASSED_CM:.0f} cm; in {len(fine)} shots every cue is met and nothing else is wrong.",
         "",
         f"![{FILMED}](pictures/shots.webp)",
         "",
