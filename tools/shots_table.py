@@ -36,7 +36,7 @@ NEAR_CM, TURNED, PASSED_CM = 1.0, 3.0, 15.0
 #: The shots that are drawn, and how wide.
 DRAWN, DRAWN_WIDTH = ("quest_living_room-greeting", "sh3d_Studio-morning", "sh3d_3BedroomApartment-hall"), 1600
 #: The video's shot, its size, every which frame, and the most that it may take, bytes.
-FILMED, VIDEO_SIZE, VIDEO_STEP, VIDEO_BYTES = "quest_living_room-greeting", (480, 360), 3, 1_500_000
+FILMED, VIDEO_SIZE, VIDEO_STEP, VIDEO_BYTES = "quest_living_room-greeting", (360, 270), 6, 1_500_000
 
 
 @dataclass(frozen=True)
@@ -259,7 +259,11 @@ def page(played: list[Played], asked: int, beside: dict[str, Played], seed: str)
     several = [one for one in played if len(one.shot.people) > 1]
     fine = [one for one in played if one.report and one.report["success"] and not one.missed]
     today = datetime.date.today().isoformat()
-    made = f"{today}, {os.cpu_count()} cores ({platform.machine()}), seed {seed}, the starter library."
+    # What else the machine does shows in the seconds.
+    made = (
+        f"{today}, {os.cpu_count()} cores ({platform.machine()}; load {os.getloadavg()[2]:.0f}), seed {seed}, the "
+        "starter library."
+    )
     lines = [
         "# Shots, played",
         "",
