@@ -114,3 +114,12 @@ def test_what_is_no_table_is_named(table, tmp_path):
         read_shots(tmp_path / "empty.tsv")
     with pytest.raises(BadTable, match=r"gone\.tsv cannot be read"):
         read_shots(tmp_path / "gone.tsv")
+
+
+def test_the_projects_own_shots_can_be_read():
+    shots = read_shots(Path(__file__).parents[1] / "blend_fixtures" / "shots.tsv")
+    assert len(shots) >= 16
+    assert len({shot.file for shot in shots}) == len(shots)
+    assert len({shot.room for shot in shots}) == 7
+    assert sum(len(shot.people) > 1 for shot in shots) >= 8
+    assert all(4 <= len(shot.cues) <= 12 for shot in shots)

@@ -36,7 +36,7 @@ NEAR_CM, TURNED, PASSED_CM = 1.0, 3.0, 15.0
 #: The shots that are drawn, and how wide.
 DRAWN, DRAWN_WIDTH = ("quest_living_room-greeting", "sh3d_Studio-morning", "sh3d_3BedroomApartment-hall"), 1600
 #: The video's shot, its size, every which frame, and the most that it may take, bytes.
-FILMED, VIDEO_SIZE, VIDEO_STEP, VIDEO_BYTES = "quest_living_room-greeting", (480, 360), 3, 1_500_000
+FILMED, VIDEO_SIZE, VIDEO_STEP, VIDEO_BYTES = "quest_living_room-greeting", (360, 270), 6, 1_500_000
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", metavar="ROOM-SHOT", help="these shots, without the page")
     parser.add_argument("--seed", default="1")
     parser.add_argument("--keep", action="store_true", help="keep the motions of an earlier call")
+    parser.add_argument("--there", action="store_true", help="play none: the page of what earlier calls have played")
     parser.add_argument("--no-pictures", action="store_true")
     options = parser.parse_args()
     shots = read_shots(options.shots)
@@ -121,18 +122,26 @@ def main() -> None:
         parser.error(f"{options.rooms / lacking[0]}.glb is not there: name the folder, or set ONCUE_SHARED")
     if options.only:
         shots = [shot for shot in shots if shot.file in options.only]
-    scenes = options.work / "scenes"
-    make(options, shots, options.shots, scenes)
-    played = [play(options, shot, scenes) for shot in shots]
+    options.work.mkdir(parents=True, exist_ok=True)
+    played = play_all(options, shots, options.shots)
     if options.only:
         return
     alone = write_alone(shots, options.work / "alone.tsv")
-    singles = read_shots(alone)
-    make(options, singles, alone, scenes)
-    beside = {shot.room: play(options, shot, scenes) for shot in singles}
+    beside = {one.shot.room: one for one in play_all(options, read_shots(alone), alone)}
     if not options.no_pictures:
         draw(options)
-    (options.docs / "shots.md").write_text(page(played, beside, options.seed), encoding="utf-8")
+    (options.docs / "shots.md").write_text(page(played, len(shots), beside, options.seed), encoding="utf-8")
+
+
+def play_all(options: argparse.Namespace, shots: list[Shot], table: Path) -> list[Played]:
+    """Each of them that is to be played, or was."""
+    scenes = options.work / "scenes"
+    if options.there:
+        options.keep = True
+        shots = [shot for shot in shots if (options.work / f"{shot.file}.seconds").exists()]
+    else:
+        make(options, shots, table, scenes)
+    return [play(options, shot, scenes) for shot in shots]
 
 
 def make(options: argparse.Namespace, shots: list[Shot], table: Path, scenes: Path) -> None:
@@ -176,7 +185,7 @@ def play(options: argparse.Namespace, shot: Shot, scenes: Path) -> Played:
 def draw(options: argparse.Namespace) -> None:
     """The pictures of the page that their motions are there for."""
     pictures = options.docs / "pictures"
-    for name in DRAWN:
+    for name in (name for name in DRAWN if (options.work / f"{name}.blend").exists()):
         blend, drawn = options.work / f"{name}.blend", options.work / f"{name}.png"
         checked(quietly(options, "blend_fixtures/render.py", str(blend), "--story", str(drawn)))
         with Image.open(drawn) as image:
@@ -242,7 +251,7 @@ def cells(one: Played) -> list[str]:
     ]
 
 
-def page(played: list[Played], beside: dict[str, Played], seed: str) -> str:
+def page(played: list[Played], asked: int, beside: dict[str, Played], seed: str) -> str:
     """docs/shots.md."""
     cues = [(one, row) for one in played for row in one.shot.cues]
     ends = [one.is_met(row) for one, row in cues if row.kind in ENDS]
@@ -250,16 +259,20 @@ def page(played: list[Played], beside: dict[str, Played], seed: str) -> str:
     several = [one for one in played if len(one.shot.people) > 1]
     fine = [one for one in played if one.report and one.report["success"] and not one.missed]
     today = datetime.date.today().isoformat()
-    made = f"{today}, {os.cpu_count()} cores ({platform.machine()}), seed {seed}, the starter library."
+    # What else the machine does shows in the seconds.
+    made = (
+        f"{today}, {os.cpu_count()} cores ({platform.machine()}; load {os.getloadavg()[2]:.0f}), seed {seed}, the "
+        "starter library."
+    )
     lines = [
         "# Shots, played",
         "",
         f"{made} Made by `python3 -m nox -s shots`: the shots of `blend_fixtures/shots.tsv` in the rooms of "
         "`../shared/data/rooms`, each through `batch.py` in a Blender of its own, with nothing kept from before.",
         "",
-        f"{len(played)} shots, {len(several)} of them of two or three people: {sum(ends)} of {len(ends)} sits and "
-        f"stops are met within {NEAR_CM:.0f} cm and {TURNED:.0f}°, {sum(passes)} of {len(passes)} waypoints within "
-        f"{PASSED_CM:.0f} cm; in {len(fine)} shots every cue is met and nothing else is wrong.",
+        f"{len(played)} of {asked} shots, {len(several)} of them of two or three people: {sum(ends)} of {len(ends)} "
+        f"sits and stops are met within {NEAR_CM:.0f} cm and {TURNED:.0f}°, {sum(passes)} of {len(passes)} waypoints "
+        f"within {PASSED_CM:.0f} cm; in {len(fine)} shots every cue is met and nothing else is wrong.",
         "",
         f"![{FILMED}](pictures/shots.webp)",
         "",
@@ -284,7 +297,8 @@ def page(played: list[Played], beside: dict[str, Played], seed: str) -> str:
         stays = sum(row.kind in ENDS for one in own for row in one.shot.cues)
         took = sum(one.seconds for one in own)
         lines.append(f"| {room} | {single.seconds:.0f} | {took:.0f} | {took / max(1, stays):.0f} |")
-    for name in DRAWN:
+    drawn = {one.shot.file for one in played}
+    for name in (name for name in DRAWN if name in drawn):
         lines += ["", f"**{name}**", "", f"![{name}](pictures/shots-{name}.jpg)"]
     return "\n".join(lines) + "\n"
 
