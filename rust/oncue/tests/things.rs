@@ -12,7 +12,7 @@ use oncue::motion::skeleton::palm;
 use oncue::perform::check_performance;
 use oncue::scene::SceneIndex;
 use oncue::{
-    ActionCue, ActionType, Hand, InitialState, ManipulationCue, Motion, MotionDatabase, Performance,
+    ActionCue, ActionType, Hand, InitialState, LookCue, ManipulationCue, Motion, MotionDatabase, Performance,
     Performed, Progress, PutCue, Settings, Step, TakeCue, Thing, ThingCue, perform,
 };
 
@@ -123,8 +123,12 @@ fn hardest(motion: &Motion) -> (f32, usize, Joint) {
 }
 
 fn held_well(made: &Performed, asked: &Performance, hands: &[Joint]) {
-    let (told, carried) = (&made.report.things[0], &made.carried[0]);
     assert!(made.report.success, "{:?}", made.report.problems);
+    carried_well(made, asked, hands);
+}
+
+fn carried_well(made: &Performed, asked: &Performance, hands: &[Joint]) {
+    let (told, carried) = (&made.report.things[0], &made.carried[0]);
     let placed = told.placed.expect("put down");
     // It stands where it stood until it is taken, and stays where it is put, within a centimetre.
     assert_eq!((carried.first_frame, carried.positions.len()), (told.taken, placed - told.taken + 1));
@@ -271,4 +275,30 @@ fn what_is_out_of_reach_stays_where_it_is() {
     let made = play(&carries(&cup(), Hand::Right, [-1.8, -0.15, 0.45], Some(1.57)), Some(with_the_cup()));
     let said = made.report.problems.join(" ");
     assert!(said.contains("has ‘Ann’ turn what is carried by") && said.contains("up to 60°"), "{said}");
+}
+
+#[test]
+fn who_carries_looks_about_and_the_hands_stay_on_it() {
+    let mut asked = carries(&parcel(), Hand::Both, [-1.7, -0.2, 0.45], None);
+    let picture = Vec3::new(-3.4, 0.6, 1.5);
+    asked.looks.push(LookCue { name: "Picture".into(), path: vec![picture], after: 1, hold_seconds: None });
+    let made = play(&asked, None);
+    carried_well(&made, &asked, &Joint::HANDS);
+    // Until the person has turned from the table it is behind, and that is all there is to say.
+    assert!(
+        matches!(&made.report.problems[..], [one] if one.contains("‘Picture’")),
+        "{:?}",
+        made.report.problems
+    );
+    let told = &made.report.looks[0];
+    let [_, low] = &made.report.steps[..] else { panic!("two steps") };
+    assert!(told.end == low.moments.complete && told.met > 20, "{told:?}");
+    // The head is there in the motion that plays, hands and all.
+    let faces = |frame: usize| {
+        let head = made.motion.postures[frame].pose();
+        let ahead = head.rotation(Joint::Head) * Vec3::NEG_Y;
+        ahead.angle_between(picture - head.position(Joint::Head)).to_degrees() < 8.0
+    };
+    let there = (told.first..told.end).filter(|&frame| faces(frame)).count();
+    assert!(there + 8 > told.met, "{there} {told:?}");
 }
