@@ -183,6 +183,19 @@ def test_buttons_want_a_thing(room):
     assert "Take Nothing" not in bpy.data.objects
 
 
+def test_looks_and_things_share_the_order(oncue, room):
+    """A look after the Take cue begins as the table is reached: things are no cues that the body comes to."""
+    bpy.context.view_layer.objects.active = bpy.data.objects["Take Cup"]
+    room.select_set(False)
+    bpy.context.scene.cursor.location = (-3.4, 0.6, 1.5)
+    assert bpy.ops.oncue.place_look() == {"FINISHED"}
+    order = [cue.name for cue in oncue("bridge.shown_cues").ordered_cues(bpy.context)]
+    assert order == ["At Table", "Take Cup", "Look", "At Low", "Put Cup"]
+    task = read(oncue)
+    assert [len(step["things"]) for step in task["steps"]] == [1, 1]
+    assert (task["looks"][0]["after"], [thing["name"] for thing in task["things"]]) == (1, ["Cup"])
+
+
 def test_where_to_stand_is_found(oncue, objects):
     """Before the cup on the table and on this side of it, then before the shelf; where there is no room, a sentence."""
     shown = oncue("bridge.shown_cues")
