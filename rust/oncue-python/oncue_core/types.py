@@ -108,7 +108,7 @@ class ThingFigures(TypedDict):
     """What became of a thing that was taken. `taken`, `placed`: when the palms had come to it, and it stood again.
 
     `grip_cm`, `turn_degrees`: how far a palm got on it and a hand turned on it while it was carried, at the most.
-    `in_body_cm`: how deep it was in trunk, legs or head.
+    `in_body_cm`: how deep it was in trunk, legs or head; `in_scene_cm`: its box in the scene, while carried.
     """
 
     thing: str
@@ -121,6 +121,7 @@ class ThingFigures(TypedDict):
     grip_cm: float
     turn_degrees: float
     in_body_cm: float
+    in_scene_cm: float
 
 
 class Step(TypedDict):

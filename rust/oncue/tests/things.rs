@@ -19,15 +19,17 @@ use oncue::{
 use common::boxes::boxes;
 
 /// A table of 0.75 m on the right, a low one of 0.45 m on the left, and a bench at the far wall.
+const ROOM: [([f32; 3], [f32; 3]); 4] = [
+    ([-3.0, -3.0, -0.1], [3.0, 3.0, 0.0]),
+    ([1.5, -1.0, 0.0], [2.2, 0.6, 0.75]),
+    ([-2.4, -1.0, 0.0], [-1.6, 0.6, 0.45]),
+    ([-0.8, 2.2, 0.0], [0.8, 2.7, 0.45]),
+];
+
 fn room() -> &'static SceneIndex {
-    static ROOM: OnceLock<SceneIndex> = OnceLock::new();
-    ROOM.get_or_init(|| {
-        let (positions, triangles) = boxes(&[
-            ([-3.0, -3.0, -0.1], [3.0, 3.0, 0.0]),
-            ([1.5, -1.0, 0.0], [2.2, 0.6, 0.75]),
-            ([-2.4, -1.0, 0.0], [-1.6, 0.6, 0.45]),
-            ([-0.8, 2.2, 0.0], [0.8, 2.7, 0.45]),
-        ]);
+    static INDEX: OnceLock<SceneIndex> = OnceLock::new();
+    INDEX.get_or_init(|| {
+        let (positions, triangles) = boxes(&ROOM);
         SceneIndex::build(&positions, &triangles, &Settings::default().scene, &Progress::new())
             .expect("a room")
     })
@@ -301,4 +303,20 @@ fn who_carries_looks_about_and_the_hands_stay_on_it() {
     };
     let there = (told.first..told.end).filter(|&frame| faces(frame)).count();
     assert!(there + 8 > told.met, "{there} {told:?}");
+}
+
+#[test]
+fn what_is_carried_through_something_is_told() {
+    // Posts to either side of who turns from the table: the body keeps clear of them, the box before it does not.
+    let posts = [-0.63f32, 0.20].map(|y| ([1.13, y, 0.0], [1.16, y + 0.03, 1.6]));
+    let (positions, triangles) = boxes(&[&ROOM[..], &posts].concat());
+    let settings = Settings::default();
+    let scene = SceneIndex::build(&positions, &triangles, &settings.scene, &Progress::new()).expect("a room");
+    let asked = carries(&parcel(), Hand::Both, [-1.7, -0.2, 0.45], None);
+    let made =
+        perform(None, &scene, database(), &asked, None, None, &settings, 1, &Progress::new()).expect("made");
+    let told = &made.report.things[0];
+    assert!(told.in_scene_cm > 1.0, "{told:?}");
+    // What stands on a table is not in it.
+    assert!(with_the_cup().report.things[0].in_scene_cm < 0.5, "{:?}", with_the_cup().report.things);
 }

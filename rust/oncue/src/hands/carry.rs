@@ -14,12 +14,14 @@ use crate::cue::{Hand, PutCue, TakeCue};
 use crate::editor::Constraint;
 use crate::error::{Error, Result};
 use crate::figures::BodyPart;
+use crate::math::capsule::Capsule;
 use crate::math::curve::{least_jerk, smoothstep, softened, widened};
 use crate::math::planar::rotate;
 use crate::math::rotation::{angle_between, wrap_angle, yaw};
 use crate::motion::skeleton::{ARMS, palm};
 use crate::motion::{Joint, Motion, Pose, Posture};
 use crate::progress::Progress;
+use crate::scene::SceneIndex;
 
 /// Frames in which a hand closes on a thing, or lets it go.
 pub(super) const GRIPS: usize = 6;
@@ -57,6 +59,10 @@ const BACK: f32 = 0.30;
 /// Who carries much before the belly leans back so far, radians, from a thing of the first size to one of the second, metres.
 const LEANS: f32 = 0.10;
 const LEANS_FOR: (f32, f32) = (0.25, 0.60);
+/// Edges of a thing are looked at as if they were so thick, metres; so many frames after it is lifted, and before it stands, it is near what
+/// it stands on.
+const EDGES: f32 = 0.015;
+const STANDS: usize = 8;
 /// σ of palms on what they carry, metres, and of hands that keep their turn on it, radians.
 const PALM_SIGMA: f32 = 2e-4;
 const TURN_SIGMA: f32 = 0.03;
@@ -457,6 +463,24 @@ impl Held {
         });
         deep.max_by(|a, b| a.1.total_cmp(&b.1))
     }
+
+    /// On how many frames it is deeper in the scene than `touch` while it is carried, and how deep at the most, metres. What is lower than
+    /// `above` (world z) is not counted. As it is lifted and set down it stands on things.
+    pub(super) fn in_scene(&self, own: &Box3, scene: &SceneIndex, above: f32, touch: f32) -> (usize, f32) {
+        let ends = self.places.len().saturating_sub(STANDS);
+        let filled = own.filled(EDGES);
+        let deep: Vec<f32> = (GRIPS + STANDS..ends)
+            .map(|i| {
+                let at = self.places[i];
+                let depth = |capsule: &Capsule| {
+                    let ends = capsule.ends.map(|end| at.point(end));
+                    scene.depth_of(&Capsule { ends, ..*capsule }, above).map_or(0.0, |contact| contact.depth)
+                };
+                filled.iter().map(depth).fold(0.0, f32::max)
+            })
+            .collect();
+        (deep.iter().filter(|depth| **depth > touch).count(), deep.into_iter().fold(0.0, f32::max))
+    }
 }
 
 /// Who leans back by so much, radians, but for who sits.
@@ -484,4 +508,37 @@ fn moved(from: Vec3, to: Vec3, share: f32) -> Vec3 {
     let (level, upright) = if to.z > from.z { (late, early) } else { (early, late) };
     let hump = CLEARS * (std::f32::consts::PI * share).sin().powi(2);
     from.truncate().lerp(to.truncate(), level).extend(from.z + (to.z - from.z) * upright + hump)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_world::room;
+
+    /// A box of 30 × 40 × 20 cm that is carried along x at this height, 2 cm a frame.
+    fn held(z: f32) -> (Held, Box3) {
+        let at = |i: usize| Placement {
+            position: Vec3::new(-0.6 + 0.02 * i as f32, 0.0, z),
+            rotation: Quat::from_rotation_z(0.3),
+        };
+        let rest = at(0);
+        let own = Box3 { low: Vec3::new(-0.15, -0.20, -0.10), high: Vec3::new(0.15, 0.20, 0.10) };
+        (Held { rest, palms: [None; 2], places: (0..60).map(at).collect(), first: 0, size: 0.4 }, own)
+    }
+
+    #[test]
+    fn a_box_through_a_wall_is_in_the_scene_and_one_on_a_table_is_not() {
+        // A wall of 4 cm: the box, turned so and about 40 cm long on its way, is in it on some twenty frames.
+        let wall = room(&[([0.0, -1.0, 0.0], [0.04, 1.0, 2.0])]);
+        let (held, own) = held(1.0);
+        let (frames, depth) = held.in_scene(&own, &wall, 0.1, 0.01);
+        assert!((15..26).contains(&frames) && depth > 0.05, "{frames} {depth}");
+        let table = room(&[([-1.0, -1.0, 0.0], [1.0, 1.0, 0.9])]);
+        assert_eq!(held.in_scene(&own, &table, 0.1, 0.01).0, 0);
+        let sunk = room(&[([-1.0, -1.0, 0.0], [1.0, 1.0, 0.93])]);
+        let (frames, depth) = held.in_scene(&own, &sunk, 0.1, 0.01);
+        assert!(frames == 60 - GRIPS - 2 * STANDS && (0.025..0.04).contains(&depth), "{frames} {depth}");
+        // What is higher than asked about is not there.
+        assert_eq!(held.in_scene(&own, &sunk, 1.5, 0.01), (0, 0.0));
+    }
 }

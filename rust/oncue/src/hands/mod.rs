@@ -78,6 +78,8 @@ pub struct ThingFigures {
     pub turn_degrees: f32,
     /// How deep it is in trunk, legs or head at the most, cm; 0 where it is in none.
     pub in_body_cm: f32,
+    /// How deep its box is in the scene at the most while it is carried, cm; 0 where it is nowhere.
+    pub in_scene_cm: f32,
 }
 
 /// What hands did.
@@ -326,7 +328,7 @@ impl<'a> Hands<'a> {
         }
         for (carry, mut held) in laid {
             let thing = &things[carry.thing];
-            out.tell(&carry, &mut held, thing, motion, person, self.report);
+            out.tell(&carry, &mut held, thing, motion, person, laying, self.report);
             out.carried.push(CarriedThing {
                 name: thing.name.clone(),
                 first_frame: carry.taken,
@@ -340,6 +342,7 @@ impl<'a> Hands<'a> {
 
 impl Done {
     /// Tells what became of a thing.
+    #[allow(clippy::too_many_arguments)] // What was carried, by whom, and where.
     fn tell(
         &mut self,
         carry: &Carry,
@@ -347,9 +350,10 @@ impl Done {
         thing: &Thing,
         motion: &Motion,
         person: &str,
+        laying: &Laying,
         settings: &ReportSettings,
     ) {
-        let own = thing.own();
+        let (own, around, floor) = (thing.own(), laying.around, laying.floor);
         let grip = held.carried_by(motion);
         let deepest = held.in_body(&own, motion).filter(|deep| deep.1 > 0.0);
         if let Some((part, depth, frame)) = deepest.filter(|deep| deep.1 > settings.touch_depth) {
@@ -358,6 +362,16 @@ impl Done {
                 thing.name,
                 100.0 * depth,
                 part.in_words()
+            ));
+        }
+        let above = floor + around.ignore_below;
+        let (frames, in_scene) = held.in_scene(&own, around.scene, above, settings.touch_depth);
+        if frames > settings.brief_frames {
+            self.problems.push(format!(
+                "‘{}’, which ‘{person}’ carries, is in the scene on {frames} frames, by {:.0} cm at the most; clear the way, or have it carried \
+                 by another one.",
+                thing.name,
+                100.0 * in_scene
             ));
         }
         let stands = held.at(usize::MAX);
@@ -383,6 +397,7 @@ impl Done {
             grip_cm: 100.0 * grip,
             turn_degrees: held.turns(motion, carry.carried(), last).to_degrees(),
             in_body_cm: deepest.map_or(0.0, |deep| 100.0 * deep.1),
+            in_scene_cm: 100.0 * in_scene,
         });
     }
 }

@@ -67,6 +67,37 @@ impl Box3 {
         })
     }
 
+    /// Capsules within it, in its own frame: side by side along its longest side as thick as the shortest, and its edges, `thickness` thick
+    /// at the most, metres.
+    pub(super) fn filled(&self, thickness: f32) -> Vec<Capsule> {
+        /// No more stand side by side; between them there are gaps then.
+        const MOST: f32 = 24.0;
+        let size = self.high - self.low;
+        let capsule = |radius: f32, ends: [Vec3; 2]| Capsule { ends, radii: [radius; 2] };
+        let radius = (0.5 * thickness).min(0.25 * size.min_element());
+        let corners = Box3 { low: self.low + radius, high: self.high - radius }.corners();
+        let pairs = (0..8usize).flat_map(|i| [1, 2, 4].map(|bit| (i, i | bit)));
+        let edges = pairs.filter(|(i, j)| i != j).map(|(i, j)| capsule(radius, [corners[i], corners[j]]));
+        let mut axes = [0, 1, 2];
+        axes.sort_by(|&a, &b| size[a].total_cmp(&size[b]));
+        let [short, middle, long] = axes;
+        let radius = 0.5 * size[short];
+        let rows = (size[middle] / size[short].max(1e-3)).ceil().clamp(1.0, MOST);
+        let core = Box3 { low: self.low + radius, high: self.high - radius };
+        let row = |i: usize| {
+            let mut ends = [core.low, core.high];
+            let part = if rows > 1.0 { i as f32 / (rows - 1.0) } else { 0.5 };
+            let across = core.low[middle] + part * (core.high[middle] - core.low[middle]);
+            for end in &mut ends {
+                end[short] = 0.5 * (self.low[short] + self.high[short]);
+                end[middle] = across;
+            }
+            (ends[0][long], ends[1][long]) = (core.low[long], core.high[long]);
+            capsule(radius, ends)
+        };
+        edges.chain((0..rows as usize).map(row)).collect()
+    }
+
     /// From the thing's origin to the middle of what it stands on, world axes, where it is turned so.
     pub(super) fn foot(&self, rotation: Quat) -> Vec3 {
         let lowest =
