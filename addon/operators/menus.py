@@ -7,7 +7,7 @@ import bpy
 
 
 class ONCUE_MT_cues(bpy.types.Menu):
-    """Where a person starts, passes, sits, stops, and puts feet and hands"""
+    """Where a person starts, passes, sits, stops, looks, and puts feet and hands"""
 
     bl_idname = "ONCUE_MT_cues"
     bl_label = "Oncue Cue"
@@ -16,6 +16,7 @@ class ONCUE_MT_cues(bpy.types.Menu):
         layout = self.layout
         for kind, text in (("start", "Start Cue"), ("sit", "Sit Cue"), ("stop", "Stop Cue"), ("pass", "Pass Cue")):
             layout.operator("oncue.place_cue", text=text).kind = kind
+        layout.operator("oncue.place_look", text="Look Cue")
         layout.operator("oncue.sit_on_selection")
         for name in ("add_person", "give_to_person", "act_by"):
             layout.operator(f"oncue.{name}")
@@ -24,6 +25,11 @@ class ONCUE_MT_cues(bpy.types.Menu):
             layout.operator("oncue.place_foot", text=f"{side.title()} Foot Cue").side = side
         for kind in ("left_hand", "right_hand", "both_hands"):
             layout.operator("oncue.place_hand", text=f"{kind.replace('_', ' ').title()} Cue").kind = kind
+        for hand, text in (("left", "Take Left"), ("right", "Take Right"), ("both", "Take Both")):
+            layout.operator("oncue.place_take", text=text).hand = hand
+        layout.operator("oncue.place_put")
+        layout.separator()
+        layout.operator("oncue.show_ways")
 
 
 class ONCUE_MT_motion(bpy.types.Menu):
