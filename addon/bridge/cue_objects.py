@@ -378,16 +378,9 @@ def place_take(context: bpy.types.Context, hand: str, metres_per_unit: float) ->
         raise
     middle = [0.5 * (low + high) for low, high in zip(box["low"], box["high"], strict=True)]
     place, turn, _ = thing.matrix_world.decompose()
-    cue.parent, cue.matrix_parent_inverse = thing, thing.matrix_world.inverted_safe()
     cue.location = place + turn @ Vector(middle)
-    context.view_layer.update()
-    try:
-        _stand_for(context, cue, metres_per_unit)
-    except SceneError:
-        bpy.data.objects.remove(cue)
-        raise
-    _select(context, cue)
-    return cue
+    hang_on(context, cue, thing)
+    return _with_a_stand(context, cue, metres_per_unit)
 
 
 def place_put(context: bpy.types.Context, place, metres_per_unit: float) -> bpy.types.Object:
@@ -409,6 +402,13 @@ def place_put(context: bpy.types.Context, place, metres_per_unit: float) -> bpy.
     yaw = yaw_from_heading(math.atan2(forward.y, forward.x))
     cue = _place_thing(context, PUT, held[-1], place, yaw, metres_per_unit)
     cue[GIVEN_YAW_KEY] = yaw
+    return _with_a_stand(context, cue, metres_per_unit)
+
+
+def _with_a_stand(context: bpy.types.Context, cue: bpy.types.Object, metres_per_unit: float) -> bpy.types.Object:
+    """A Take or Put cue that was placed, with a place to stand for it, selected. Raises SceneError without one; the cue
+    is gone then.
+    """
     try:
         _stand_for(context, cue, metres_per_unit)
     except SceneError:

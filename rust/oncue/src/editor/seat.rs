@@ -15,7 +15,7 @@ use crate::body_solver::{FootPlan, FoundTerms, Span, Surfaces, correct};
 use crate::cue::ActionCue;
 use crate::error::{Error, Result};
 use crate::library::foot::LEGS;
-use crate::math::curve::smoothstep;
+use crate::math::curve::{least_jerk, smoothstep};
 use crate::math::rotation::{to_angle_axis, wrap_angle, yaw};
 use crate::motion::skeleton::{ANKLE_HEIGHT, JOINT_OFFSET, LEG_LENGTH, TOE_HEIGHT};
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose};
@@ -310,7 +310,7 @@ impl Seat<'_> {
             let first = plan.feet[begin][side];
             for frame in begin..plan.feet.len() {
                 let t = ((frame - begin) as f32 / steps as f32).clamp(0.0, 1.0);
-                let eased = t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
+                let eased = least_jerk(t);
                 let foot = &mut plan.feet[frame][side];
                 if settled.hang_already[side] {
                     let moved = (place.ankle - from.ankle) * eased;

@@ -4,8 +4,8 @@ use glam::{Mat3, Quat, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::limb::reach;
-use super::score::eased;
 use super::{Flaws, Hold, flawless, flawless_way, settles};
+use crate::math::curve::least_jerk;
 use crate::motion::skeleton::ARMS;
 use crate::motion::{FRAME_RATE, Motion, Posture};
 
@@ -118,7 +118,7 @@ fn laid(
     let [_, upper, lower, hand] = ARMS[side];
     let (mut posture, mut pose) = (*base, base.pose());
     let u = ((frame as f32 / FRAME_RATE - AT) / SECONDS).clamp(0.0, 1.0);
-    let part = eased(u);
+    let part = least_jerk(u);
     let to = pose.position(hand).lerp(place.wrist, part) + Vec3::Z * (rises * 16.0 * (u * (1.0 - u)).powi(2));
     let turned = pose.rotation(hand).slerp(place.turned, part);
     let limb = [upper, lower, hand];

@@ -2,9 +2,10 @@
 
 use rayon::prelude::*;
 
-use super::score::{Moment, eased};
+use super::score::Moment;
 use super::{ARM, Body, FEET, Flaws, GROUPS, Hold, LEGGED, TRUNK, flawless_way, settles};
 use crate::anatomy::BodyPart;
+use crate::math::curve::least_jerk;
 use crate::motion::skeleton::{BODY_BOXES, Limb};
 use crate::motion::{FRAME_RATE, Joint, Motion, Posture};
 
@@ -48,7 +49,7 @@ pub(super) fn settle_trunk(motion: &mut Motion, hold: &Hold, wanted: bool) -> bo
     let rest: Vec<Flaws> = body.base.par_iter().map(|posture| Flaws::of(posture, hold)).collect();
     let settled = SHARES.into_iter().find_map(|share| {
         flawless_way(&rest, hold, |frame| {
-            let part = share * eased(frame as f32 / FRAME_RATE / takes);
+            let part = share * least_jerk(frame as f32 / FRAME_RATE / takes);
             leaning(&body, frame, lean * part, hands * part)
         })
     });

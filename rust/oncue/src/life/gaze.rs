@@ -10,11 +10,12 @@ use std::ops::Range;
 use glam::{Quat, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::Flaws;
 use super::limb::reach;
-use super::score::eased;
+use super::score::{CHEST_FOLLOWS, LOOK_SECONDS, LOOK_SECONDS_PER_RADIAN};
+use super::{Flaws, turn_trunk};
 use crate::error::Result;
 use crate::figures::Surroundings;
+use crate::math::curve::least_jerk;
 use crate::math::rotation::wrap_angle;
 use crate::motion::skeleton::ARMS;
 use crate::motion::{FRAME_RATE, Joint, Motion, Pose, Posture};
@@ -22,12 +23,8 @@ use crate::progress::Progress;
 
 /// The gaze meets a place that it misses by no more than this, degrees.
 pub(crate) const MEETS: f32 = 5.0;
-/// Seconds by which the eyes are sooner than the head, and by which the chest is later.
+/// Seconds by which the eyes are sooner than the head.
 const EYES_LEAD: f32 = 0.15;
-const CHEST_FOLLOWS: f32 = 0.25;
-/// Seconds that a turn of the head takes, and more for each radian.
-const TURN_SECONDS: f32 = 0.45;
-const TURN_SECONDS_PER_RADIAN: f32 = 0.8;
 /// Between the eyes, in the head's frame, metres.
 const EYES: Vec3 = Vec3::new(0.0, -0.09, 0.09);
 /// How far a head turns on the chest, and looks up and down, degrees; it slows down within so much of that.
@@ -42,8 +39,6 @@ const CHEST_TURNS: f32 = 28.0;
 const BEHIND: f32 = HEAD_TURNS + CHEST_TURNS - SLOWS;
 /// What is in view for a shorter time is not looked at, and what is out of view for a shorter time is not let go, seconds.
 const SHORTEST: f32 = 0.6;
-/// The turns of the spine's joints below the chest, of its own.
-const SPINE_SHARES: [f32; 2] = [0.4, 0.7];
 /// A hand that would come this far from where it is without has the chest turn less, metres.
 const MISSES: f32 = 0.02;
 /// How much of chest and head turns, where more would bring the body into itself or the scene or a joint beyond its limit.
@@ -199,7 +194,7 @@ impl Base {
             if round > 0 {
                 head = self.head_turn(frame, eyes(&pose), chest, gazes, turns);
             }
-            place_trunk(&mut posture, &before, carried, head);
+            turn_trunk(&mut posture, &before, before.rotation(Joint::Hips), [Quat::IDENTITY, carried, head]);
             pose = posture.pose();
         }
         let mut missed = 0.0f32;
@@ -237,22 +232,6 @@ impl Base {
     }
 }
 
-/// Spine, neck and head of a posture, turned in the world from where they are in `before`.
-fn place_trunk(posture: &mut Posture, before: &Pose, chest: Quat, head: Quat) {
-    let mut parent = before.rotation(Joint::Hips);
-    for (joint, turn) in [
-        (Joint::Spine, Quat::IDENTITY.slerp(chest, SPINE_SHARES[0])),
-        (Joint::Spine1, Quat::IDENTITY.slerp(chest, SPINE_SHARES[1])),
-        (Joint::Spine2, chest),
-        (Joint::Neck, chest.slerp(head, 0.5)),
-        (Joint::Head, head),
-    ] {
-        let rotation = turn * before.rotation(joint);
-        posture.rotations[joint.index()] = (parent.inverse() * rotation).normalize();
-        parent = rotation;
-    }
-}
-
 /// How far a chest turns to what is so far round, radians.
 fn chest_turn(angle: f32) -> f32 {
     let over = angle.abs() - CHEST_FROM.to_radians();
@@ -264,7 +243,7 @@ fn chest_turn(angle: f32) -> f32 {
 
 /// 0 straight ahead, 1 from some degrees on: what changes sides does so without a jump.
 fn smooth_sign(angle: f32) -> f32 {
-    eased(angle.abs() / CHEST_FROM.to_radians())
+    least_jerk(angle.abs() / CHEST_FROM.to_radians())
 }
 
 /// How far a gaze's place is round from where the chest faces on every frame, to the left, radians: without jumps from behind one side to
@@ -310,7 +289,7 @@ struct Turn {
 impl Turn {
     fn new(of: usize, seen: Range<usize>, angles: &[f32], bases: &[Base], before: Option<&Turn>) -> Self {
         let takes = |angle: f32| {
-            ((TURN_SECONDS + TURN_SECONDS_PER_RADIAN * angle.abs()) * FRAME_RATE).round() as usize
+            ((LOOK_SECONDS + LOOK_SECONDS_PER_RADIAN * angle.abs()) * FRAME_RATE).round() as usize
         };
         let from =
             before.map_or(bases[seen.start].looks.x, |turn| turn.angles[seen.start - turn.first(seen.start)]);
@@ -353,7 +332,7 @@ impl Turn {
         } else {
             (frame - self.leaves.start as f32) / self.leaves.len() as f32
         };
-        eased(comes) * (1.0 - eased(is_left))
+        least_jerk(comes) * (1.0 - least_jerk(is_left))
     }
 }
 

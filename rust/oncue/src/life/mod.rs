@@ -332,19 +332,9 @@ impl<'a> Body<'a> {
         );
         // A pelvis that rolls faces as it did.
         let rolled = pelvis * before.rotations[0];
-        let mut parent = Quat::from_rotation_z(yaw(before.rotations[0]) - yaw(rolled)) * rolled;
-        posture.rotations[0] = parent.normalize();
-        for (joint, turn) in [
-            (Joint::Spine, pelvis.slerp(chest, SPINE_SHARES[0])),
-            (Joint::Spine1, pelvis.slerp(chest, SPINE_SHARES[1])),
-            (Joint::Spine2, chest),
-            (Joint::Neck, chest.slerp(head, 0.5)),
-            (Joint::Head, head),
-        ] {
-            let rotation = turn * before.rotation(joint);
-            posture.rotations[joint.index()] = (parent.inverse() * rotation).normalize();
-            parent = rotation;
-        }
+        let hips = Quat::from_rotation_z(yaw(before.rotations[0]) - yaw(rolled)) * rolled;
+        posture.rotations[0] = hips.normalize();
+        turn_trunk(&mut posture, &before, hips, [pelvis, chest, head]);
         for (side, sign) in [1.0f32, -1.0].into_iter().enumerate() {
             let raised = Quat::from_rotation_y(-sign * BREATH_SHOULDERS * moment.breath * much);
             let collar = ARMS[side][0].index();
@@ -499,6 +489,23 @@ impl<'a> Body<'a> {
         let moved = along * stir.x - inwards * (sign * stir.y) + Vec3::Z * stir.z;
         let drooping = Quat::from_rotation_y(sign * FINGERS_DROOP * stir.z / STIRS.z);
         (place.lerp(carried, lies) + moved, Quat::IDENTITY.slerp(goes, lies) * turned * drooping)
+    }
+}
+
+/// Spine, neck and head of a posture as pelvis, chest and head turn in the world from where they are in `before`, on hips that are turned
+/// so.
+fn turn_trunk(posture: &mut Posture, before: &Pose, hips: Quat, [pelvis, chest, head]: [Quat; 3]) {
+    let mut parent = hips;
+    for (joint, turn) in [
+        (Joint::Spine, pelvis.slerp(chest, SPINE_SHARES[0])),
+        (Joint::Spine1, pelvis.slerp(chest, SPINE_SHARES[1])),
+        (Joint::Spine2, chest),
+        (Joint::Neck, chest.slerp(head, 0.5)),
+        (Joint::Head, head),
+    ] {
+        let rotation = turn * before.rotation(joint);
+        posture.rotations[joint.index()] = (parent.inverse() * rotation).normalize();
+        parent = rotation;
     }
 }
 

@@ -9,6 +9,8 @@ use glam::{Vec2, Vec3};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
+use crate::math::curve::least_jerk;
+
 /// Breaths a second, and by how much these differ from person to person.
 const BREATHS: (f32, f32) = (0.25, 0.04);
 /// Knots of the slow sway a second, and of the quicker one over it.
@@ -18,14 +20,14 @@ const LOOKS_EVERY: Range<f32> = 1.6..5.0;
 const SHIFTS_EVERY: Range<f32> = 1.5..5.5;
 const STIRS_EVERY: Range<f32> = 0.8..3.5;
 /// Seconds that a look, a shift and a stir take; a look takes longer the farther it goes, seconds for each radian.
-const LOOK_SECONDS: f32 = 0.45;
-const LOOK_SECONDS_PER_RADIAN: f32 = 0.8;
+pub(super) const LOOK_SECONDS: f32 = 0.45;
+pub(super) const LOOK_SECONDS_PER_RADIAN: f32 = 0.8;
 const SHIFT_SECONDS: Range<f32> = 1.1..1.9;
 const STIR_SECONDS: Range<f32> = 0.7..1.2;
 /// One look in so many goes far.
 const FAR_LOOKS: f32 = 0.4;
 /// The chest comes round after a look by so long, seconds.
-const CHEST_FOLLOWS: f32 = 0.25;
+pub(super) const CHEST_FOLLOWS: f32 = 0.25;
 
 /// How takes settle: whether against the back of the seat and with which hands on its arms, where it has such; trunk forwards and to the left side, radians; left
 /// and right foot forwards, metres; hands along the thighs, metres. Takes beside each other differ in most of it.
@@ -111,15 +113,9 @@ impl Moves {
     fn at(&self, t: f32) -> (Vec3, f32) {
         self.0.iter().take_while(|m| m.at <= t).fold((Vec3::ZERO, 0.0), |(value, bump), m| {
             let u = ((t - m.at) / m.seconds).min(1.0);
-            (value.lerp(m.to, eased(u)), bump + m.bump * 16.0 * (u * (1.0 - u)).powi(2))
+            (value.lerp(m.to, least_jerk(u)), bump + m.bump * 16.0 * (u * (1.0 - u)).powi(2))
         })
     }
-}
-
-/// From 0 to 1 with the least jerk (Flash & Hogan 1985).
-pub(super) fn eased(u: f32) -> f32 {
-    let u = u.clamp(0.0, 1.0);
-    u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 }
 
 /// Noise that knows no frequency above its knots': cubics through random values.
@@ -285,7 +281,7 @@ impl Score {
             let (place, lifted) = self.stirs[side].at(t);
             self.size * place.with_z(lifted)
         };
-        let settled = eased(t / SETTLES_IN);
+        let settled = least_jerk(t / SETTLES_IN);
         let foot = |side: usize| {
             let (moved, lifted) = self.feet[side].at(t);
             let in_the_air = self.feet[side].0.iter().any(|m| t > m.at && t < m.at + m.seconds);
