@@ -36,6 +36,7 @@ def test_the_two_nearest_of_some_poses():
 def row(library="ACCAD", **changes):
     flat = {"stances": 4, "heel_drift_cm": {"median": 1.0, "p90": 2.0}, "ball_drift_cm": {"median": 0.5, "p90": 1.0}}
     flat |= {"swivel_degrees": {"median": 0.0, "p90": 0.0}, "swivelled_percent": 0.0, "swivels": []}
+    turned = {"percent": 0.0, "out_degrees": 20.0, "in_degrees": 0.0}
     steps = {"steps": 2, "heel_first_percent": 50.0, "toe_up_degrees": 9.0, "toe_clearance_cm": 3.0}
     style = dict.fromkeys(STYLE)
     plain = {
@@ -50,7 +51,7 @@ def row(library="ACCAD", **changes):
         "scene_percent": 0.0,
         "scene_cm": 0.0,
         "scene_named": False,
-        "feet": {"flat": flat, "steps": steps | {"heel_up_degrees": 40.0}},
+        "feet": {"flat": flat, "turned": turned, "steps": steps | {"heel_up_degrees": 40.0}},
         "style": style,
     }
     return {"library": library, **plain, **changes}

@@ -161,6 +161,14 @@ LINES = [
         pooled("stances", ("flat", "swivelled_percent")),
         lambda clips: worded(clips["feet"]["flat"]["swivelled_percent"]),
     ),
+    Line(
+        "a foot turned out over 50° or in over 35°, % of frames, mean",
+        "",
+        "",
+        "",
+        lambda rows: worded(statistics.fmean(row["feet"]["turned"]["percent"] for row in rows), 2),
+        lambda clips: worded(clips["feet"]["turned"]["percent"], 2),
+    ),
     _feet("heel drift while flat, cm", "2.6–2.9", "1.4 (2.1)", "≤ 1.5", feet_line("flat", "heel_drift_cm", "median")),
     _feet("ball drift while flat, cm", "", "", "", feet_line("flat", "ball_drift_cm", "median")),
     Line(

@@ -361,6 +361,14 @@ class FlatFoot(TypedDict):
     swivels: list[Swivel]
 
 
+class TurnedFeet(TypedDict):
+    """Feet that carry: frames in which one is turned out by more than 50° or in by more than 35°, and the farthest."""
+
+    percent: float
+    out_degrees: float
+    in_degrees: float
+
+
 class StepFigures(TypedDict):
     """Steps of someone who walks: medians, None where nobody does."""
 
@@ -375,6 +383,7 @@ class WholeFootFigures(TypedDict):
     """Feet, heel to toe, whatever the contact flag says."""
 
     flat: FlatFoot
+    turned: TurnedFeet
     steps: StepFigures
 
 
@@ -654,11 +663,15 @@ class Capture(TypedDict):
 
 
 class Summary(TypedDict):
-    """What a library holds."""
+    """What a library holds.
+
+    `turn_shortfall` says why the captured turns from standing are too few, so that the starter library fills them up.
+    """
 
     clips: int
     frames: int
     rows: list[SummaryRow]
+    turn_shortfall: str | None
 
 
 class ManifoldErrors(TypedDict):

@@ -79,6 +79,9 @@ fn print(library: &MotionLibrary, clips: bool) {
     let summary = library.summary();
     println!("{} clips, {} frames", summary.clips, summary.frames);
     println!("{:12} {:>9} {:>9} {:>11} {:>9}", "seconds", "mocap", "mirrored", "procedural", "segments");
+    if let Some(shortfall) = summary.turn_shortfall {
+        println!("turns from standing are filled up by the starter library: {shortfall}");
+    }
     for row in summary.rows {
         println!(
             "{:12} {:9.1} {:9.1} {:11.1} {:9}",

@@ -17,13 +17,14 @@ use crate::anatomy::{DEEP, own_depth};
 use crate::cue::{ActionCue, BodyState, Moments};
 use crate::figures::{Surroundings, depth_in_scene};
 use crate::library::feature::{Future, MAX_FEATURE, PoseFeature, feature_size, write_feature};
+use crate::library::foot::turned_out;
 use crate::library::{Rise, SEEN_AHEAD, Start};
 use crate::math::Planar;
 use crate::math::capsule::Capsule;
 use crate::math::rotation::wrap_angle;
 use crate::metrics::{ContactError, PASS_DISTANCE, is_met, is_penetrating};
 use crate::motion::speed::accelerations;
-use crate::motion::{FRAME_RATE, JOINT_COUNT, Joint, Motion, Pose, Posture};
+use crate::motion::{FRAME_RATE, FootContact, JOINT_COUNT, Joint, Motion, Pose, Posture};
 use crate::synthesizer::{Character, PostureOffset};
 
 /// Frames before the end of a sit or stop at which the posture offset is gone; it begins to fade twice as early.
@@ -52,6 +53,9 @@ const LONGEST_PLAYED: f32 = 1.0;
 
 /// Who steps with the same foot again sooner than after so many frames stumbles.
 const AGAIN_WITHIN: usize = 20;
+
+/// So far feet that stand are easily turned in and out under the leg, radians: ACCAD's are for all but a few frames in a thousand.
+const EASY_TURN: (f32, f32) = (0.55, 0.65);
 
 /// Frames of a step, over which the pace is a mean.
 const STEP_FRAMES: usize = 15;
@@ -130,6 +134,9 @@ pub struct Tally {
     pub worst_pass: f32,
     /// Steps, on the way to the action, of the foot that has just made the step before.
     pub repeated_steps: usize,
+    /// How far feet that stand are turned out or in against the pelvis beyond what legs do easily, summed over both and the
+    /// frames, radians.
+    pub twisted: f32,
     /// Pelvis to the cue at the end, metres, and facing, radians.
     pub residual: f32,
     /// The facing away from the cue's at the end, radians.
@@ -501,6 +508,7 @@ impl Environment<'_> {
                 _ => {}
             }
         }
+        tally.twisted += twisted(&character.pose, character.contact);
         tally.hurry += character.leg_speed - 1.0;
         tally.worst_hurry = tally.worst_hurry.max(character.leg_speed - 1.0);
         let jolt = self.jolt([&earlier, &character.before.positions, &character.pose.positions]);
@@ -641,6 +649,16 @@ fn surge(trail: &[Vec2]) -> f32 {
         (Some(then), Some(now)) => (now - then).abs(),
         _ => 0.0,
     }
+}
+
+/// How far feet that stand are turned in or out beyond what is easy, both together, radians.
+fn twisted(pose: &Pose, contact: FootContact) -> f32 {
+    let (most_in, most_out) = EASY_TURN;
+    let beyond = |side: usize| {
+        let out = turned_out(pose, side);
+        if contact[side] > 0.0 { (out - most_out).max(-out - most_in).max(0.0) } else { 0.0 }
+    };
+    beyond(0) + beyond(1)
 }
 
 /// ‖m_t - m_{t-1}‖², mean over the joints, squared radians.

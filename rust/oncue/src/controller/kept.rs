@@ -402,6 +402,7 @@ fn cost_of(tally: &Tally, end: EpisodeEnd, met: bool, left: f32, shortest: f32, 
         + w.taste * tally.taste.min(FARTHEST_TASTE) as f32
         + w.unprepared * f32::from(u8::from(tally.unprepared))
         + w.repeated_step * tally.repeated_steps as f32
+        + w.twisted * tally.twisted
 }
 
 #[cfg(test)]
@@ -462,6 +463,7 @@ mod tests {
             taste: 1.35,
             unprepared: 0.71,
             repeated_step: 0.43,
+            twisted: 0.19,
         }
     }
 
@@ -494,6 +496,7 @@ mod tests {
             taste: 2,
             unprepared: true,
             repeated_steps: 2,
+            twisted: 1.4,
             residual: 0.06,
             passed: 0.21,
             worst_pass: 0.13,
@@ -519,6 +522,7 @@ mod tests {
             0.053 * 3.1,
             61.0 * 0.005,
             0.43 * 2.0,
+            0.19 * 1.4,
             0.83 * (4.3 - 3.2),
             0.29 * 2.0,
             1.3 * 2.1,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::percent;
 use crate::library::contact::runs;
-use crate::library::foot::sole;
+use crate::library::foot::{sole, turned_out};
 use crate::math::rotation::wrap_angle;
 use crate::motion::{FRAME_RATE, Pose};
 use crate::scene::SceneIndex;
@@ -22,6 +22,10 @@ const SWIVEL: f32 = 15f32.to_radians();
 const CARRYING_HEIGHT: f32 = 0.02;
 /// … and slower than this, m/s: swinging toes pass as low.
 const CARRYING_SPEED: f32 = 0.8;
+/// Feet that carry are turned out and in by no more than this of where the pelvis faces, radians: in three of a thousand of
+/// ACCAD's frames they are.
+const TURNED_OUT: f32 = 50f32.to_radians();
+const TURNED_IN: f32 = 35f32.to_radians();
 /// A step is in the air for at least so many frames …
 const SHORTEST_SWING: usize = 5;
 /// … while the body walks, no slower and no faster than this, m/s …
@@ -39,8 +43,21 @@ const LATE_SWING: (f32, f32) = (0.5, 0.85);
 pub struct WholeFootFigures {
     /// While the sole is flat.
     pub flat: FlatFoot,
+    /// Against the pelvis.
+    pub turned: TurnedFeet,
     /// While the person walks.
     pub steps: StepFigures,
+}
+
+/// Feet that carry, turned out or in of where the pelvis faces.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct TurnedFeet {
+    /// Share of the frames with a foot that is turned out by more than 50° or in by more than 35°, percent.
+    pub percent: f32,
+    /// The farthest that one is turned out, degrees.
+    pub out_degrees: f32,
+    /// The farthest that one is turned in, degrees.
+    pub in_degrees: f32,
 }
 
 /// Feet whose heel and ball are both within 1 cm of what they stand on, for three frames or more.
@@ -149,6 +166,10 @@ pub(super) struct Tally {
     ball_drift: Vec<f32>,
     swivel: Vec<f32>,
     swivels: Vec<Swivel>,
+    /// Frames, those with a foot that is turned too far, and how far one is turned in (negative) and out, radians.
+    frames: usize,
+    turned: usize,
+    farthest: (f32, f32),
     steps: Vec<Step>,
 }
 
@@ -158,6 +179,7 @@ impl Tally {
         let ground = |point: Vec3| {
             scene.and_then(|scene| scene.floor_height_at(point.truncate(), point.z)).unwrap_or(floor)
         };
+        let mut turned = vec![false; poses.len()];
         for side in 0..2 {
             let soles: Vec<Sole> = poses
                 .iter()
@@ -173,6 +195,11 @@ impl Tally {
                 }
             }
             let carried: Vec<bool> = (0..soles.len()).map(|frame| is_carried(&soles, frame)).collect();
+            for ((turned, pose), _) in turned.iter_mut().zip(poses).zip(&carried).filter(|(_, is)| **is) {
+                let out = turned_out(pose, side);
+                *turned |= !(-TURNED_IN..=TURNED_OUT).contains(&out);
+                self.farthest = (self.farthest.0.min(out), self.farthest.1.max(out));
+            }
             for swing in runs(&carried, false).into_iter().map(|(first, end)| first..end) {
                 let Some(after) = poses.get(swing.end) else { continue };
                 let is_whole = swing.start > 0 && swing.len() >= SHORTEST_SWING;
@@ -181,6 +208,8 @@ impl Tally {
                 }
             }
         }
+        self.frames += poses.len();
+        self.turned += turned.into_iter().filter(|is| *is).count();
     }
 
     fn stand(&mut self, soles: &[Sole], side: usize, stance: Range<usize>) {
@@ -207,6 +236,10 @@ impl Tally {
         self.ball_drift.extend(other.ball_drift);
         self.swivel.extend(other.swivel);
         self.swivels.extend(other.swivels);
+        self.frames += other.frames;
+        self.turned += other.turned;
+        let (most_in, most_out) = other.farthest;
+        self.farthest = (self.farthest.0.min(most_in), self.farthest.1.max(most_out));
         self.steps.extend(other.steps);
     }
 
@@ -226,6 +259,11 @@ impl Tally {
                 swivel_degrees: scaled(&self.swivel, 1f32.to_degrees()),
                 swivelled_percent: percent(swivelled, self.swivel.len()),
                 swivels: if spans { self.swivels } else { Vec::new() },
+            },
+            turned: TurnedFeet {
+                percent: percent(self.turned, self.frames),
+                out_degrees: self.farthest.1.to_degrees(),
+                in_degrees: -self.farthest.0.to_degrees(),
             },
             steps: StepFigures {
                 steps: self.steps.len(),
@@ -312,6 +350,32 @@ mod tests {
             posture
         });
         assert_eq!(figures(&raised.collect::<Vec<_>>()).flat.stances, 0);
+    }
+
+    #[test]
+    fn feet_are_turned_against_the_pelvis() {
+        // The left foot turned about the vertical, out to the left; the right one as it is.
+        let posture = |out: f32| {
+            let mut posture = Posture::default();
+            posture.rotations[Joint::LeftFoot.index()] = Quat::from_rotation_z(out.to_radians());
+            posture
+        };
+        let turned = |outs: &[f32]| figures(&outs.iter().map(|out| posture(*out)).collect::<Vec<_>>()).turned;
+        let found = turned(&[49.0; 4]);
+        assert!((found.percent, found.in_degrees) == (0.0, 0.0) && (found.out_degrees - 49.0).abs() < 0.01);
+        assert_eq!(turned(&[51.0; 4]).percent, 100.0);
+        assert_eq!(turned(&[-34.0; 4]).percent, 0.0);
+        let found = turned(&[-36.0; 4]);
+        assert!(found.percent == 100.0 && (found.in_degrees - 36.0).abs() < 0.01, "{found:?}");
+        // Where the pelvis faces is what counts, and the right foot's outside lies to the right.
+        let mut posture = posture(20.0);
+        posture.rotations[0] = Quat::from_rotation_z(2.0);
+        posture.rotations[Joint::RightFoot.index()] = Quat::from_rotation_z(-60f32.to_radians());
+        let found = figures(&[posture; 4]).turned;
+        assert!(found.percent == 100.0 && (found.out_degrees - 60.0).abs() < 0.01, "{found:?}");
+        // In the air they may be as they like.
+        posture.root_position.z += 0.1;
+        assert_eq!(figures(&[posture; 4]).turned, TurnedFeet::default());
     }
 
     /// A body that moves forwards at 1.2 m/s over a left foot that swings in frames 10 to 20, pitched as it leaves and

@@ -13,7 +13,7 @@ mod scene_depth;
 mod spans;
 mod style;
 
-pub use feet::{FlatFoot, Spread, StepFigures, Swivel, WholeFootFigures};
+pub use feet::{FlatFoot, Spread, StepFigures, Swivel, TurnedFeet, WholeFootFigures};
 pub use joint_limits::{BeyondLimit, JointLimitFigures};
 pub(crate) use others::{Company, Other, others_figures};
 pub use others::{OthersFigures, OthersTouch};

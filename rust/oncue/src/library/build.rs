@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::clip::MotionLibrary;
+use super::clip::{MotionLibrary, Segment};
 use super::sidecar::{self, FolderSidecar};
+use super::sufficiency::StandingTurn;
 use super::survey::{self, survey};
 use super::take::{self, Take};
 use super::{starter, sufficiency};
@@ -293,11 +294,14 @@ fn add_starter(library: &mut MotionLibrary, starter: StarterUse, progress: &Prog
             StarterUse::None => false,
         })
         .collect();
-    if wanted.is_empty() {
+    let turns = starter == StarterUse::Missing && sufficiency::turn_shortfall(library).is_some();
+    if wanted.is_empty() && !turns {
         return Ok(());
     }
     for mut clip in starter::generate(progress)?.clips {
-        clip.segments.retain(|s| wanted.contains(&s.label));
+        let turn = if turns { StandingTurn::of(&clip) } else { None };
+        let turns = |segment: &mut Segment| turn.as_ref().is_some_and(|turn| turn.cut(segment));
+        clip.segments.retain_mut(|segment| wanted.contains(&segment.label) || turns(segment));
         if !clip.segments.is_empty() {
             library.clips.push(clip);
         }

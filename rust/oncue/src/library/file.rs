@@ -43,6 +43,9 @@ pub struct Summary {
     pub frames: usize,
     /// One a label.
     pub rows: Vec<SummaryRow>,
+    /// Why the captured turns from standing are too few to work with, so that the starter library fills them up; `None` where
+    /// they are enough.
+    pub turn_shortfall: Option<String>,
 }
 
 /// Seconds of one action, by where they come from; mirrored copies are counted apart.
@@ -163,7 +166,12 @@ impl MotionLibrary {
             }
             row
         });
-        Summary { clips: self.clips.len(), frames: self.frame_count(), rows: rows.collect() }
+        Summary {
+            clips: self.clips.len(),
+            frames: self.frame_count(),
+            rows: rows.collect(),
+            turn_shortfall: sufficiency::turn_shortfall(self),
+        }
     }
 }
 

@@ -41,6 +41,14 @@ pub fn sole(pose: &Pose, side: usize) -> [Vec3; 3] {
     ]
 }
 
+/// How far a foot points outward of where the pelvis faces, on the floor plane, radians.
+pub(crate) fn turned_out(pose: &Pose, side: usize) -> f32 {
+    let [.., foot, toe] = LEGS[side];
+    let ahead = (pose.position(toe) - pose.position(foot)).truncate();
+    let left = (pose.position(Joint::LeftUpLeg) - pose.position(Joint::RightUpLeg)).truncate();
+    [1.0, -1.0][side] * (-left.perp()).angle_to(ahead)
+}
+
 /// Bends one leg so that its ankle reaches `ankle` (world) with the foot turned as `foot` (world).
 ///
 /// The knee stays a pure hinge about the thigh's X axis and bends forward; where the ankle is out of

@@ -3,6 +3,8 @@
 //! One second of a kick that looks like a step must not stand for all walking, nor half a second between two turns
 //! for standing. What falls short of these amounts is filled up from the starter library.
 
+use std::ops::Range;
+
 use super::build::seconds;
 use super::clip::{Clip, MotionLibrary, Segment, Source};
 use crate::action::ActionLabel;
@@ -23,6 +25,83 @@ const STRAIGHT_DEGREES: f32 = 15.0;
 /// Captured sits, rises and stops, their mirrored copies not counted: seats differ in height and in how one comes to
 /// them, and one stops on either foot.
 const COMPLETED: usize = 4;
+
+/// Turns from standing, to the left and to the right, mirrored copies counted: who faces away has to turn before he walks, and
+/// without such a capture the turn is patched together from those of walks, over feet that stand askew.
+const TURNS: usize = COMPLETED;
+/// Who turns from standing turns by at least so much, degrees, …
+const STANDING_TURN: f32 = 60.0;
+/// … in so many frames and within so many metres of where he stood.
+const TURN_FRAMES: usize = 90;
+const TURN_METRES: f32 = 1.0;
+/// So many frames after it belong to it: the last foot comes down.
+const TURN_SETTLES: usize = 15;
+
+/// A turn from standing.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct StandingTurn {
+    /// Its frames, with what stands before it.
+    pub(crate) frames: Range<usize>,
+    /// To the left, negative to the right.
+    degrees: f32,
+}
+
+impl StandingTurn {
+    /// The first in a clip.
+    pub(crate) fn of(clip: &Clip) -> Option<Self> {
+        let follows = |pair: &[Segment]| {
+            (pair[0].label, pair[1].label) == (ActionLabel::Idle, ActionLabel::Walk)
+                && pair[0].end == pair[1].first
+        };
+        let of = |pair: &[Segment]| {
+            let (stands, walks) = (&pair[0], &pair[1]);
+            let at = |frame: usize| clip.motion.postures[frame].planar();
+            let from = at(walks.first);
+            let (mut turned, mut most) = (0.0f32, (0.0f32, walks.first));
+            for frame in walks.first + 1..walks.end.min(walks.first + TURN_FRAMES) {
+                if at(frame).position.distance(from.position) > TURN_METRES {
+                    break;
+                }
+                turned += wrap_angle(at(frame).yaw - at(frame - 1).yaw).to_degrees();
+                if turned.abs() > most.0.abs() {
+                    most = (turned, frame);
+                }
+            }
+            let (degrees, last) = most;
+            let end = walks.end.min(last + 1 + TURN_SETTLES);
+            (degrees.abs() >= STANDING_TURN).then_some(Self { frames: stands.first..end, degrees })
+        };
+        clip.segments.windows(2).filter(|pair| follows(pair)).find_map(of)
+    }
+
+    /// Cuts a segment to it; false where it is none of it.
+    pub(crate) fn cut(&self, segment: &mut Segment) -> bool {
+        let Range { start, end } = self.frames;
+        if !matches!(segment.label, ActionLabel::Idle | ActionLabel::Walk)
+            || segment.first < start
+            || segment.first >= end
+        {
+            return false;
+        }
+        segment.end = segment.end.min(end);
+        segment.complete = segment.end - 1;
+        true
+    }
+}
+
+/// Why the captured turns from standing are too few to work with, or `None` where they are enough.
+pub(crate) fn turn_shortfall(library: &MotionLibrary) -> Option<String> {
+    let captured = library.clips.iter().filter(|clip| clip.source == Source::Mocap);
+    let (left, right): (Vec<_>, Vec<_>) =
+        captured.filter_map(StandingTurn::of).partition(|turn| turn.degrees > 0.0);
+    (left.len() < TURNS || right.len() < TURNS).then(|| {
+        format!(
+            "{} turns from standing to the left and {} to the right were captured, {TURNS} each are needed",
+            left.len(),
+            right.len()
+        )
+    })
+}
 
 /// What of an action was captured. A mirrored copy walks another way, but what it does is seen before.
 #[derive(Default)]
@@ -176,6 +255,58 @@ mod tests {
                 .contains("1.0 s of standing were captured")
         );
         assert_eq!(lacks(Idle, vec![piece; 2]), None);
+    }
+
+    /// Stands for a second, then turns by `turn` degrees in one, going on at `speed` metres a second.
+    fn turning(turn: f32, speed: f32) -> Clip {
+        let (stands, turns) =
+            (clip(ActionLabel::Idle, 30, 0.0, 0.0), clip(ActionLabel::Walk, 31, speed, turn));
+        let mut out = stands.clone();
+        out.motion.postures.extend(turns.motion.postures.iter().copied());
+        out.motion.contacts.extend(turns.motion.contacts.iter().copied());
+        // It goes on for two seconds straight ahead.
+        let last = out.motion.postures[60];
+        let ahead = Quat::from_rotation_z(last.planar().yaw) * glam::Vec3::NEG_Y * speed / 30.0;
+        for frame in 1..=60 {
+            let posture = Posture { root_position: last.root_position + frame as f32 * ahead, ..last };
+            out.motion.postures.push(posture);
+            out.motion.contacts.push([1.0; 2]);
+        }
+        out.segments.push(Segment { label: ActionLabel::Walk, first: 30, end: 121, complete: 120 });
+        out
+    }
+
+    #[test]
+    fn a_turn_from_standing_ends_soon_after_the_last_of_it() {
+        let left = turning(90.0, 0.2);
+        let turn = StandingTurn::of(&left).expect("a turn");
+        // It turns until frame 60, and settles for 15 more.
+        assert_eq!(turn.frames, 0..76);
+        assert!((turn.degrees - 90.0).abs() < 0.1, "{turn:?}");
+        assert!((StandingTurn::of(&left.mirror()).expect("a turn").degrees + 90.0).abs() < 0.1);
+        let mut segments = left.segments.clone();
+        segments.retain_mut(|segment| turn.cut(segment));
+        assert_eq!(
+            segments.iter().map(|s| (s.first, s.end, s.complete)).collect::<Vec<_>>(),
+            [(0, 30, 29), (30, 76, 75)]
+        );
+        // Not who turns by less, who has gone off by then, who does not stand before, nor what is neither standing nor walking.
+        assert_eq!(StandingTurn::of(&turning(50.0, 0.2)), None);
+        assert_eq!(StandingTurn::of(&turning(90.0, 3.0)), None);
+        assert_eq!(StandingTurn::of(&clip(ActionLabel::Walk, 90, 0.2, 90.0)), None);
+        assert!(!turn.cut(&mut Segment { label: ActionLabel::Stop, first: 30, end: 60, complete: 50 }));
+    }
+
+    #[test]
+    fn turns_from_standing_are_counted_to_both_sides() {
+        let lacks = |clips| turn_shortfall(&MotionLibrary { clips });
+        let left = turning(90.0, 0.2);
+        let one_side = lacks(vec![left.clone(); 4]).expect("too few");
+        assert!(one_side.contains("4 turns from standing to the left and 0 to the right"), "{one_side}");
+        let both = [vec![left.clone(); 4], vec![left.mirror(); 4]].concat();
+        assert_eq!(lacks(both.clone()), None);
+        let made = both.into_iter().map(|clip| Clip { source: Source::Procedural, ..clip });
+        assert!(lacks(made.collect()).is_some());
     }
 
     #[test]

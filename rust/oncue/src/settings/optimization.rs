@@ -223,6 +223,8 @@ pub struct CostWeights {
     pub unprepared: f32,
     /// A foot that leaves the floor again soon after it has come down, the other having stayed: nobody walks so.
     pub repeated_step: f32,
+    /// A foot that stands turned out or in under the leg farther than is easy, per radian and frame.
+    pub twisted: f32,
 }
 
 impl CostWeights {
@@ -260,6 +262,7 @@ impl CostWeights {
                 taste: ANY,
                 unprepared: ANY,
                 repeated_step: ANY,
+                twisted: ANY,
             },
             free {}
         );
@@ -296,6 +299,7 @@ impl Default for CostWeights {
             taste: 0.5,
             unprepared: 2.0,
             repeated_step: 3.0,
+            twisted: 1.2,
         }
     }
 }

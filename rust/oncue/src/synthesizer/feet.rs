@@ -45,6 +45,11 @@ const PIVOT_RISE: f32 = 0.2;
 const PIVOT_EASE: f32 = 0.3;
 /// A foot heads where it headed while its heel and ball are no farther than this from level, metres.
 const FLAT: f32 = 0.012;
+/// A foot whose heel is higher than its ball by more than this, metres, turns on the ball when it is turned in or out farther
+/// than this, radians, the faster the farther, per second.
+const HEEL_OFF: f32 = 0.02;
+const LOOSE_TURN: (f32, f32) = (0.5, 0.6);
+const LOOSENS: f32 = 8.0;
 /// So much height a swing has for each metre and each radian that the foot is to be moved and turned apart from its clip's, and
 /// no more than so much: nothing is whisked along the floor. It rises to it so fast, m/s.
 const SWING_LIFT: (f32, f32) = (0.2, 0.05);
@@ -70,6 +75,9 @@ pub(super) const CHAIN: [[Joint; 4]; 2] = [
     [Joint::RightUpLeg, Joint::RightLeg, Joint::RightFoot, Joint::RightToe],
 ];
 
+/// Which way along x the outside of each foot lies.
+const OUTWARD: [f32; 2] = [1.0, -1.0];
+
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Foot {
     /// Shown toe minus the clip's: on the floor plane, world, and of the sole's lowest point in height.
@@ -86,6 +94,8 @@ pub(super) struct Foot {
     pivoting: Option<f32>,
     /// How high its swing goes at the least, metres.
     lift: f32,
+    /// How much higher than the ball its heel was in the last frame, metres.
+    heel: f32,
 }
 
 /// Where a foot stands.
@@ -310,6 +320,9 @@ impl Foot {
         if self.pivoting.is_some() {
             ground.root.yaw = planar.yaw;
         }
+        if self.heel > HEEL_OFF {
+            ground.root.yaw -= self.loose_turn(planar, &ground.root, frame, side);
+        }
         self.ground = Some(ground);
         let mut shown = self.shown(planar, frame, side);
         let flat = shown.slope().abs() < FLAT && self.pivoting.is_none();
@@ -352,6 +365,14 @@ impl Foot {
         ground.put(frame, side, shown.toe.truncate());
         (ground.away, ground.turned) = ground.beside(planar, frame, side);
         self.ground = Some(ground);
+    }
+
+    /// How far a foot on `ground` turns in this frame that has nothing but its ball on the floor, radians.
+    fn loose_turn(&self, planar: &Planar, ground: &Planar, frame: &DatabaseFrame, side: usize) -> f32 {
+        let (most_in, most_out) = LOOSE_TURN;
+        let out = turned_out(planar, ground, frame, side);
+        let beyond = (out - most_out).max(0.0) + (out + most_in).min(0.0);
+        OUTWARD[side] * beyond * LOOSENS * FRAME_TIME
     }
 
     /// The turn of its ground becomes one that goes in `seconds`; in the last frame it was `before`.
@@ -444,6 +465,7 @@ impl Foot {
             }
         }
         bend_leg(side, ankle, rotation, posture, pose);
+        self.heel = Shown { toe: target, rotation }.slope();
         if heel > 0.0 {
             posture.rotations[toe] = Quat::from_rotation_x(-heel) * posture.rotations[toe];
             pose.place(posture, toe);
@@ -453,19 +475,23 @@ impl Foot {
 
 /// Whether a foot on `ground` stands in the other's way, or is twisted under the leg, as the clip's is not.
 fn is_strained(planar: &Planar, ground: &Planar, frame: &DatabaseFrame, side: usize) -> bool {
-    let outward = [1.0, -1.0][side];
-    // The middle of the foot, and how far it is turned out, person-centric.
-    let stance = |on: &Planar| {
-        let rotation = on.rotation() * frame.foot_rotation[side];
-        let middle = clip_toe(on, frame, side) + 0.5 * (rotation * HEEL_ARM);
-        let ahead = planar.direction_to_local((rotation * -HEEL_ARM).truncate());
-        (outward * planar.point_to_local(middle.truncate()).x, outward * ahead.x.atan2(-ahead.y))
+    // The middle of the foot, person-centric.
+    let place = |on: &Planar| {
+        let middle = clip_toe(on, frame, side) + 0.5 * (on.rotation() * frame.foot_rotation[side] * HEEL_ARM);
+        OUTWARD[side] * planar.point_to_local(middle.truncate()).x
     };
-    let ((place, out), (clip_place, clip_out)) = (stance(ground), stance(planar));
+    let (out, clip_out) = (turned_out(planar, ground, frame, side), turned_out(planar, planar, frame, side));
     let (most_in, most_out) = EASY_TURN;
-    place < clip_place - STEP_INWARD
+    place(ground) < place(planar) - STEP_INWARD
         || (out > most_out && out > clip_out + STRAIN)
         || (out < -most_in && out < clip_out - STRAIN)
+}
+
+/// How far the clip's foot on `ground` is turned out, person-centric, radians.
+fn turned_out(planar: &Planar, ground: &Planar, frame: &DatabaseFrame, side: usize) -> f32 {
+    let rotation = ground.rotation() * frame.foot_rotation[side];
+    let ahead = planar.direction_to_local((rotation * -HEEL_ARM).truncate());
+    OUTWARD[side] * ahead.x.atan2(-ahead.y)
 }
 
 /// Seconds in which metres and radians that a stand or a transition has left are gone: before the clip's foot strikes again, if
@@ -637,6 +663,37 @@ mod tests {
             assert!(!strained(0.0, 0.75, 0.0) && !strained(0.0, -0.45, 0.0));
             assert!(!strained(0.0, 0.0, 0.85) && !strained(0.0, 0.0, -0.55));
             assert!(!strained(0.0, 0.1, 0.75) && strained(0.0, 0.3, 0.6));
+        }
+    }
+
+    #[test]
+    fn a_foot_on_its_ball_turns_back_under_the_leg() {
+        // The clip has its heel up, and turned out by 0.9 (the left) or in by 0.8.
+        for (yaw, easy) in [(0.9, LOOSE_TURN.1), (-0.8, -LOOSE_TURN.0)] {
+            let mut frame = pitched(-0.4, 1.0);
+            frame.foot_rotation[0] = Quat::from_rotation_z(yaw) * frame.foot_rotation[0];
+            let mut foot = Foot::standing(&at(0.0), &frame, 0);
+            let [_, ball] = points(&foot, &at(0.0), &frame);
+            let out = |foot: &Foot| {
+                let ahead = foot.shown(&at(0.0), &frame, 0).rotation * -HEEL_ARM;
+                ahead.x.atan2(-ahead.y)
+            };
+            let mut last = out(&foot);
+            for _ in 0..30 {
+                foot.heel = 0.1;
+                foot.step(&at(0.0), Planar::default(), &frame, 0, false);
+                let now = out(&foot);
+                // The faster the farther: nothing begins with a jerk.
+                close(last - now, (last - easy) * LOOSENS * FRAME_TIME, 1e-4);
+                assert!(points(&foot, &at(0.0), &frame)[1].distance(ball) < 1e-4 && foot.stands());
+                last = now;
+            }
+            close(last, easy, 1e-3);
+            // On a flat sole it stays as it is.
+            let mut foot = Foot::standing(&at(0.0), &frame, 0);
+            foot.heel = 0.01;
+            foot.step(&at(0.0), Planar::default(), &frame, 0, false);
+            close(out(&foot), yaw, 1e-4);
         }
     }
 
