@@ -69,6 +69,7 @@ fn performance() -> Performance {
             step("Right", ActionType::Sit, [0.45, 2.12, 0.55], 0.0, None),
         ],
         things: Vec::new(),
+        leaves: Vec::new(),
         looks: Vec::new(),
     }
 }
