@@ -302,20 +302,20 @@ pub struct PutCue {
     pub yaw: Option<f32>,
 }
 
-/// How a leaf hangs.
+/// How a leaf hangs, in its own frame.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "by", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Hung {
     /// It turns about a line.
     Hinge {
-        /// A place on it, world, metres.
+        /// A place on it, metres.
         point: Vec3,
-        /// Its direction, world: turns are positive about it by the right hand's rule.
+        /// Its direction: turns are positive about it by the right hand's rule.
         axis: Vec3,
     },
     /// It slides.
     Slide {
-        /// Where to, world.
+        /// Where to.
         direction: Vec3,
     },
 }
@@ -332,10 +332,31 @@ pub struct Leaf {
     pub rotation: [f32; 4],
     /// What it turns about, or where it slides to.
     pub hung: Hung,
-    /// The corners of its mesh as it stands at first, world, metres.
+    /// The corners of its mesh, in its own frame, metres.
+    #[serde(default)]
     pub positions: Vec<Vec3>,
     /// Its triangles, by their corners' places in `positions`.
+    #[serde(default)]
     pub triangles: Vec<[u32; 3]>,
+}
+
+/// How far a leaf is opened.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Amount {
+    /// About its hinge.
+    Degrees(f32),
+    /// Along its slide.
+    Metres(f32),
+}
+
+impl Amount {
+    /// The number alone.
+    pub fn number(self) -> f32 {
+        match self {
+            Amount::Degrees(number) | Amount::Metres(number) => number,
+        }
+    }
 }
 
 /// To open a leaf, or to close it again, at a step's cue: the hand comes to its handle, leads it, and lets go.
@@ -345,16 +366,16 @@ pub struct OpenCue {
     /// The name the artist gave it, for messages.
     pub name: String,
     /// The leaf's name.
-    pub leaf: String,
+    pub thing: String,
     /// Which hand opens it.
     pub hand: Hand,
-    /// How far from where it is by then: degrees about its hinge, or metres along its slide.
-    pub amount: f32,
-    /// Where the palm takes hold of it, as it stands at first, world, metres.
-    pub handle: Vec3,
+    /// How far, from where it is by then.
+    pub by: Amount,
+    /// Where the palm takes hold of it, in the leaf's frame, metres.
+    pub grip: Vec3,
     /// How long it moves, seconds; without it as long as people take.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub seconds: Option<f32>,
+    pub over_seconds: Option<f32>,
 }
 
 /// What is done with a thing, or a leaf.
@@ -384,7 +405,7 @@ impl ThingCue {
         match self {
             ThingCue::Take(take) => &take.thing,
             ThingCue::Put(put) => &put.thing,
-            ThingCue::Open(open) => &open.leaf,
+            ThingCue::Open(open) => &open.thing,
         }
     }
 }

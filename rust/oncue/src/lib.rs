@@ -92,8 +92,8 @@ pub mod ways;
 
 pub use action::{ActionLabel, ActionType};
 pub use cue::{
-    ActionCue, BodyState, CueKind, Hand, Hung, InitialState, Leaf, LookCue, ManipulationCue, Moments, OpenCue,
-    PassCue, Performance, PutCue, Step, TakeCue, Task, Thing, ThingCue,
+    ActionCue, Amount, BodyState, CueKind, Hand, Hung, InitialState, Leaf, LookCue, ManipulationCue, Moments,
+    OpenCue, PassCue, Performance, PutCue, Step, TakeCue, Task, Thing, ThingCue,
 };
 pub use error::{Error, Result};
 pub use glam;

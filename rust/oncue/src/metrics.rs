@@ -632,8 +632,8 @@ mod tests {
         // Thighs may lie on what has moved, once one sits.
         close(whole(1, 0, Seats::taken(0, 0.70)), 0.0);
         close(whole(1, 0, Seats::taken(2, 0.70)), 100.0 / 3.0);
-        let legs =
-            penetration_among(&motion, &scene, &[(&[board(1)], 0)], 0.0, 0.1, &Seats::taken(0, 0.70)).legs_percent;
+        let legs = penetration_among(&motion, &scene, &[(&[board(1)], 0)], 0.0, 0.1, &Seats::taken(0, 0.70))
+            .legs_percent;
         close(legs, 100.0 / 3.0);
         // What lies on the floor is stepped over.
         close(

@@ -575,7 +575,8 @@ fn joined(
     if stays > 0 {
         let end = motion.len() - 1;
         let here = Motion { postures: vec![motion.postures[end]], contacts: vec![motion.contacts[end]] };
-        let around = Surroundings::at_end(phases.before(steps.len()), &performance.steps[steps.len() - 1].cue);
+        let around =
+            Surroundings::at_end(phases.before(steps.len()), &performance.steps[steps.len() - 1].cue);
         let before = motion.postures[end.saturating_sub(1)];
         let seed = step_seed(seed, steps.len()) ^ HANDS_SEED;
         append(&mut motion, &timing.rest(&here, Some(before), around, stays + 1, seed)?);
@@ -585,7 +586,8 @@ fn joined(
     let looks = looked(&mut motion, timing, performance, &moments)?;
     let done = hands.follow(&mut motion, &around, manifold, progress)?;
     progress.stage("Measuring");
-    let around = Around { scene: Some(scene), moving: &[], leaves: &done.leaves, wait: 0, database: Some(database) };
+    let around =
+        Around { scene: Some(scene), moving: &[], leaves: &done.leaves, wait: 0, database: Some(database) };
     let measured = measure_performance(&motion, &around, performance, &moments, settings);
     let mut problems: Vec<String> = steps.iter().flat_map(|step| step.made.not_done.clone()).collect();
     problems.extend(stopped.into_iter().chain(unplayed(performance, steps.len())));

@@ -178,8 +178,13 @@ pub(crate) fn synthesize_among(
     laps.done("edit");
 
     progress.stage("Measuring");
-    let around =
-        Around { scene: Some(stays.unwrap_or(scene)), moving: &[], leaves: &[], wait: 0, database: Some(database) };
+    let around = Around {
+        scene: Some(stays.unwrap_or(scene)),
+        moving: &[],
+        leaves: &[],
+        wait: 0,
+        database: Some(database),
+    };
     let measured = measure(&motion, &around, task, &moments, settings);
     let Measured { cues, foot, penetration, body, .. } = measured;
     let sits = kept.end == EpisodeEnd::Complete && task.cue.seat_height().is_some();
@@ -344,9 +349,8 @@ fn measure_cues(
         let moving = [(around.moving, around.wait), (around.leaves, 0)];
         penetration_among(motion, scene, &moving, floor, ignore_below, &seats)
     });
-    let surroundings = around
-        .scene
-        .map(|scene| Surroundings { moving: around.leaves, ..Surroundings::with(scene, seats) });
+    let surroundings =
+        around.scene.map(|scene| Surroundings { moving: around.leaves, ..Surroundings::with(scene, seats) });
     let mut body = body_figures(motion, floor, surroundings.as_ref());
     body.pose_distance =
         around.database.map(|database| pose_distance_figures(motion, database.known_poses(), around.scene));

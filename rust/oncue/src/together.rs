@@ -10,10 +10,10 @@ use crate::controller::StoredPolicy;
 use crate::cue::{ActionCue, Performance};
 use crate::error::{Error, Result};
 use crate::figures::{Other, others_figures};
+use crate::hands::leaf::Phases;
 use crate::library::database::MotionDatabase;
 use crate::manifold::Manifold;
 use crate::math::planar::rotate;
-use crate::hands::leaf::Phases;
 use crate::perform::{Means, Performed, check_performance, perform_among};
 use crate::progress::Progress;
 use crate::scene::SceneIndex;
@@ -142,7 +142,7 @@ pub(crate) fn check_people(performances: &[Performance]) -> Result<()> {
         if let Some(open) = performance.steps.iter().flat_map(|step| step.openings()).next() {
             return Err(Error::input(format!(
                 "{}: ‘{}’ opens ‘{}’, which is for one person alone; take it away, or hide the other starts.",
-                performance.start.name, open.name, open.leaf
+                performance.start.name, open.name, open.thing
             )));
         }
     }

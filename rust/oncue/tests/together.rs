@@ -326,7 +326,13 @@ fn two_play_in_a_real_room(rooms: &Path) {
                 manipulations: Vec::new(),
                 things: Vec::new(),
             };
-            Performance { start, steps: vec![step], things: Vec::new(), leaves: Vec::new(), looks: Vec::new() }
+            Performance {
+                start,
+                steps: vec![step],
+                things: Vec::new(),
+                leaves: Vec::new(),
+                looks: Vec::new(),
+            }
         })
         .collect();
     let places: Vec<Vec3> = people.iter().flat_map(Performance::places).collect();

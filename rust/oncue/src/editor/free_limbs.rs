@@ -363,7 +363,8 @@ mod tests {
     /// What is left of a seated motion in `boxes`, and how far pelvis, an ankle and a toe moved at most, metres.
     fn freed(boxes: &[([f32; 3], [f32; 3])], before: &Motion) -> (Motion, [f32; 2], f32) {
         let scene = room(boxes);
-        let around = Surroundings { scene: &scene, moving: &[], ignore_below: 0.1, seats: Seats::taken(0, 0.45) };
+        let around =
+            Surroundings { scene: &scene, moving: &[], ignore_below: 0.1, seats: Seats::taken(0, 0.45) };
         let mut after = before.clone();
         let room = Room { around: Some(&around), floor: 0.0, continues: false };
         free_body(&mut after, room, 0, &Progress::new()).expect("not cancelled");

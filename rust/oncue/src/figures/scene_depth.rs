@@ -176,7 +176,8 @@ mod tests {
         let mut posture = Posture::default();
         posture.rotations[0] = glam::Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
         let scene = wall(0.60);
-        let surroundings = Surroundings { scene: &scene, moving: &[], ignore_below: 0.1, seats: Seats::default() };
+        let surroundings =
+            Surroundings { scene: &scene, moving: &[], ignore_below: 0.1, seats: Seats::default() };
         let found = in_scene(&posture.pose(), 0, 0.0, &surroundings);
         let radius = 0.039 - 0.011 * (0.60 - 0.458) / 0.278;
         assert_eq!(found.len(), 1, "{found:?}");

@@ -2,7 +2,8 @@
 
 use glam::{Quat, Vec3};
 
-use crate::cue::{Hung, Leaf, OpenCue, Performance, Step};
+use super::things::Placement;
+use crate::cue::{Amount, Hung, Leaf, OpenCue, Performance, Step};
 use crate::editor::manipulation::FARTHEST_PALM;
 use crate::error::{Error, Result};
 use crate::math::capsule::Capsule;
@@ -18,8 +19,9 @@ const LEAST: (f32, f32) = (1.0, 0.01);
 const LEVER: f32 = 0.04;
 /// What one cue opens moves for so long, seconds.
 const SECONDS: (f32, f32) = (0.3, 60.0);
-/// A hand leads what it opens no faster, metres a second.
+/// A hand leads what it opens no faster, metres a second; with the least jerk the fastest is so many times the mean.
 const FASTEST: f32 = 2.5;
+const PEAK: f32 = 1.875;
 /// Who stands before a leaf takes up so much room, metres, from over the floor to so high; who sits, about the trunk alone.
 const GIRTH: f32 = 0.15;
 const STANDS: (f32, f32) = (0.35, 1.45);
@@ -30,36 +32,40 @@ const LOOKS: usize = 24;
 const UPRIGHT: f32 = 0.7;
 
 impl Leaf {
-    /// What takes it from where it stands at first to where it is once it is open so far, degrees or metres: x ↦ turn · x + place.
-    pub(super) fn pose(&self, opened: f32) -> (Vec3, Quat) {
-        match self.hung {
+    /// Where it is once it is open so far, degrees or metres.
+    pub(super) fn at(&self, opened: f32) -> Placement {
+        let [w, x, y, z] = self.rotation;
+        let rest = Placement { position: self.position, rotation: Quat::from_xyzw(x, y, z, w).normalize() };
+        let (place, turn) = match self.hung {
             Hung::Hinge { point, axis } => {
                 let turn = Quat::from_axis_angle(axis.normalize(), opened.to_radians());
                 (point - turn * point, turn)
             }
             Hung::Slide { direction } => (direction.normalize() * opened, Quat::IDENTITY),
+        };
+        Placement { position: rest.point(place), rotation: rest.rotation * turn }
+    }
+
+    /// How far a point of its own goes while it is opened by `amount`, metres.
+    pub(super) fn way(&self, own: Vec3, amount: f32) -> f32 {
+        match self.hung {
+            Hung::Hinge { .. } => self.lever(own) * amount.to_radians().abs(),
+            Hung::Slide { .. } => amount.abs(),
         }
     }
 
-    /// A point of it once it is open so far; `at`: as it stands at first, world, metres.
-    pub(super) fn point(&self, at: Vec3, opened: f32) -> Vec3 {
-        let (place, turn) = self.pose(opened);
-        turn * at + place
-    }
-
-    /// How far a point of it goes while it is opened by `amount`, metres.
-    pub(super) fn way(&self, at: Vec3, amount: f32) -> f32 {
+    /// How far a point of its own is from its hinge, metres.
+    fn lever(&self, own: Vec3) -> f32 {
         match self.hung {
-            Hung::Hinge { point, axis } => {
-                (at - point).reject_from(axis.normalize()).length() * amount.to_radians().abs()
-            }
-            Hung::Slide { .. } => amount.abs(),
+            Hung::Hinge { point, axis } => (own - point).reject_from(axis.normalize()).length(),
+            Hung::Slide { .. } => f32::INFINITY,
         }
     }
 
     /// Whether it goes on by itself once it is let go: a door does, a lid falls, a drawer stops.
     pub(super) fn swings_on(&self) -> bool {
-        matches!(self.hung, Hung::Hinge { axis, .. } if axis.normalize().z.abs() > UPRIGHT)
+        let rest = self.at(0.0).rotation;
+        matches!(self.hung, Hung::Hinge { axis, .. } if (rest * axis.normalize()).z.abs() > UPRIGHT)
     }
 
     /// An amount of opening in words.
@@ -70,8 +76,8 @@ impl Leaf {
         }
     }
 
-    fn check(&self) -> Result<()> {
-        let name = &self.name;
+    /// `said`: who opens it by what, for messages.
+    fn check(&self, said: &str) -> Result<()> {
         let hung = match self.hung {
             Hung::Hinge { point, axis } => [point, axis],
             Hung::Slide { direction } => [Vec3::ZERO, direction],
@@ -79,25 +85,15 @@ impl Leaf {
         let turn = self.rotation.iter().map(|part| part * part).sum::<f32>();
         if !self.position.is_finite() || !hung[0].is_finite() || (turn - 1.0).abs() > 1e-2 {
             return Err(Error::input(format!(
-                "‘{name}’ stands or hangs at a place that is not a number, or has a rotation that is no unit quaternion."
+                "{said}, which stands or hangs at a place that is not a number, or has a rotation that is no unit quaternion."
             )));
         }
         if !hung[1].is_finite() || hung[1].length() < 1e-6 {
             return Err(Error::input(format!(
-                "Which way ‘{name}’ opens is unknown: its hinge, or slide, has no direction. Give it one."
+                "{said}, and which way that opens is unknown: its hinge, or slide, has no direction; give it one."
             )));
         }
         Ok(())
-    }
-
-    /// The mesh on its poses.
-    fn object(&self, poses: &[(Vec3, Quat)], progress: &Progress) -> Result<MovingObject> {
-        MovingObject::build(&self.name, &self.positions, &self.triangles, poses, progress).map_err(|error| {
-            match error {
-                Error::Input(said) => Error::Input(format!("‘{}’ cannot be opened: {said}", self.name)),
-                other => other,
-            }
-        })
     }
 
     /// It, open so far on each frame, degrees or metres.
@@ -109,7 +105,13 @@ impl Leaf {
         opened: impl Iterator<Item = f32>,
         progress: &Progress,
     ) -> Result<MovingObject> {
-        self.object(&opened.map(|so_far| self.pose(so_far)).collect::<Vec<_>>(), progress)
+        let poses: Vec<(Vec3, Quat)> =
+            opened.map(|so_far| self.at(so_far)).map(|at| (at.position, at.rotation)).collect();
+        let built = MovingObject::build(&self.name, &self.positions, &self.triangles, &poses, progress);
+        built.map_err(|error| match error {
+            Error::Input(said) => Error::Input(format!("‘{}’ cannot be opened: {said}", self.name)),
+            other => other,
+        })
     }
 }
 
@@ -119,8 +121,8 @@ fn openings(performance: &Performance) -> Vec<Vec<f32>> {
     let mut all = vec![now.clone()];
     for step in &performance.steps {
         for open in step.openings() {
-            let which = performance.leaves.iter().position(|leaf| leaf.name == open.leaf);
-            which.into_iter().for_each(|which| now[which] += open.amount);
+            let which = performance.leaves.iter().position(|leaf| leaf.name == open.thing);
+            which.into_iter().for_each(|which| now[which] += open.by.number());
         }
         all.push(now.clone());
     }
@@ -138,11 +140,7 @@ pub(crate) struct Phases<'a> {
 impl<'a> Phases<'a> {
     /// # Errors
     /// `Input` for a leaf whose mesh is none; `Cancelled`.
-    pub(crate) fn of(
-        base: &'a SceneIndex,
-        performance: &Performance,
-        progress: &Progress,
-    ) -> Result<Self> {
+    pub(crate) fn of(base: &'a SceneIndex, performance: &Performance, progress: &Progress) -> Result<Self> {
         let mut phases = Self { base, scenes: Vec::new(), of_step: vec![None; performance.steps.len() + 1] };
         if performance.leaves.is_empty() {
             return Ok(phases);
@@ -156,7 +154,7 @@ impl<'a> Phases<'a> {
             }
             let mut solids = Vec::new();
             for (leaf, so_far) in performance.leaves.iter().zip(&now) {
-                leaf.check()?;
+                leaf.check(&format!("There is ‘{}’", leaf.name))?;
                 solids.extend(leaf.opened([*so_far].into_iter(), progress)?.triangles_on(0));
             }
             phases.scenes.push(base.with(&solids, progress)?);
@@ -186,16 +184,15 @@ impl<'a> Phases<'a> {
 /// # Errors
 /// `Input` or `Unreachable`, naming the cue and the person; `Cancelled`.
 pub(crate) fn check_openings(performance: &Performance) -> Result<()> {
-    performance.leaves.iter().try_for_each(Leaf::check)?;
     let person = &performance.start.name;
     for (step, now) in performance.steps.iter().zip(openings(performance)) {
         let mut now = now;
         for open in step.openings() {
             let name = &open.name;
-            let Some(which) = performance.leaves.iter().position(|leaf| leaf.name == open.leaf) else {
+            let Some(which) = performance.leaves.iter().position(|leaf| leaf.name == open.thing) else {
                 return Err(Error::input(format!(
                     "‘{name}’ is about ‘{}’, which is nothing that ‘{person}’ can open.",
-                    open.leaf
+                    open.thing
                 )));
             };
             let leaf = &performance.leaves[which];
@@ -205,51 +202,56 @@ pub(crate) fn check_openings(performance: &Performance) -> Result<()> {
                     leaf.name
                 )));
             }
+            leaf.check(&format!("‘{name}’ has ‘{person}’ open ‘{}’", leaf.name))?;
             check_open(leaf, open, person)?;
             check_stand(leaf, open, now[which], step, performance)?;
-            now[which] += open.amount;
+            now[which] += open.by.number();
         }
     }
     Ok(())
 }
 
 fn check_open(leaf: &Leaf, open: &OpenCue, person: &str) -> Result<()> {
-    let OpenCue { name, amount, handle, seconds, .. } = open;
-    let (most, least) = match leaf.hung {
-        Hung::Hinge { .. } => (FARTHEST.0, LEAST.0),
-        Hung::Slide { .. } => (FARTHEST.1, LEAST.1),
+    let OpenCue { name, by, grip, over_seconds, .. } = open;
+    let (amount, thing) = (by.number(), &leaf.name);
+    let (most, least) = match (leaf.hung, by) {
+        (Hung::Hinge { .. }, Amount::Degrees(_)) => (FARTHEST.0, LEAST.0),
+        (Hung::Slide { .. }, Amount::Metres(_)) => (FARTHEST.1, LEAST.1),
+        (Hung::Hinge { .. }, Amount::Metres(_)) => {
+            return Err(Error::input(format!(
+                "‘{name}’ has ‘{person}’ open ‘{thing}’ by metres, and it hangs on a hinge; give degrees."
+            )));
+        }
+        (Hung::Slide { .. }, Amount::Degrees(_)) => {
+            return Err(Error::input(format!(
+                "‘{name}’ has ‘{person}’ open ‘{thing}’ by degrees, and it slides; give metres."
+            )));
+        }
     };
     if !(least..=most).contains(&amount.abs()) {
         return Err(Error::input(format!(
-            "‘{name}’ has ‘{person}’ open ‘{}’ by {}; give {} to {}, or the same backwards.",
-            leaf.name,
-            leaf.in_words(*amount),
+            "‘{name}’ has ‘{person}’ open ‘{thing}’ by {}; give {} to {}, or the same backwards.",
+            leaf.in_words(amount),
             leaf.in_words(least),
             leaf.in_words(most)
         )));
     }
-    if !handle.is_finite() {
+    if !grip.is_finite() {
         return Err(Error::input(format!(
-            "‘{name}’ has ‘{person}’ take hold of ‘{}’ at a place that is not a number.",
-            leaf.name
+            "‘{name}’ has ‘{person}’ take hold of ‘{thing}’ at a place that is not a number."
         )));
     }
-    if let Hung::Hinge { point, axis } = leaf.hung {
-        let lever = (*handle - point).reject_from(axis.normalize()).length();
-        if lever < LEVER {
-            return Err(Error::input(format!(
-                "‘{name}’ has ‘{person}’ take hold of ‘{}’ on its hinge, where nobody can turn it; move the cue to the handle.",
-                leaf.name
-            )));
-        }
-    }
-    let Some(seconds) = seconds else { return Ok(()) };
-    let fastest = 1.875 * leaf.way(*handle, *amount) / seconds;
-    if !(SECONDS.0..=SECONDS.1).contains(seconds) || fastest > FASTEST {
-        let least = (1.875 * leaf.way(*handle, *amount) / FASTEST).max(SECONDS.0);
+    if leaf.lever(*grip) < LEVER {
         return Err(Error::input(format!(
-            "‘{name}’ has ‘{person}’ open ‘{}’ in {seconds:.1} s; give {least:.1} to {:.0} s.",
-            leaf.name, SECONDS.1
+            "‘{name}’ has ‘{person}’ take hold of ‘{thing}’ on its hinge, where nobody can turn it; move the cue to the handle."
+        )));
+    }
+    let Some(seconds) = over_seconds else { return Ok(()) };
+    let least = (PEAK * leaf.way(*grip, amount) / FASTEST).max(SECONDS.0);
+    if !(least..=SECONDS.1).contains(seconds) {
+        return Err(Error::input(format!(
+            "‘{name}’ has ‘{person}’ open ‘{thing}’ in {seconds:.1} s; give {least:.1} to {:.0} s.",
+            SECONDS.1
         )));
     }
     Ok(())
@@ -266,7 +268,7 @@ fn check_stand(
     let (person, cue) = (&performance.start.name, &step.cue);
     let floor = performance.start.position.z;
     let pelvis = cue.position.with_z(cue.pelvis_height().unwrap_or(floor + STANDING_HIPS_HEIGHT));
-    let far = leaf.point(open.handle, opened).distance(pelvis);
+    let far = leaf.at(opened).point(open.grip).distance(pelvis);
     if far > FARTHEST_PALM {
         return Err(Error::Unreachable(format!(
             "‘{}’ has ‘{person}’ open ‘{}’, whose handle lies {far:.2} m from where ‘{}’ puts the pelvis, {:.2} m farther than a hand \
@@ -281,7 +283,7 @@ fn check_stand(
     let (foot, (low, high)) =
         if cue.is_seated() { (pelvis, SITS) } else { (cue.position.with_z(floor), STANDS) };
     let body = Capsule { ends: [foot + Vec3::Z * low, foot + Vec3::Z * high], radii: [GIRTH; 2] };
-    let way = (0..=LOOKS).map(|look| opened + open.amount * look as f32 / LOOKS as f32);
+    let way = (0..=LOOKS).map(|look| opened + open.by.number() * look as f32 / LOOKS as f32);
     let swept = leaf.opened(way, &Progress::new())?;
     if (0..=LOOKS).any(|look| swept.depth_of(&body, look).is_some()) {
         return Err(Error::Unreachable(format!(

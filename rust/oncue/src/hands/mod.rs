@@ -20,7 +20,9 @@ pub use open::OpenedFigures;
 use open::Opening;
 use things::Placement;
 
-use crate::cue::{Hand, ManipulationCue, OpenCue, Performance, PutCue, Step, TakeCue, Thing, ThingCue};
+use crate::cue::{
+    Hand, ManipulationCue, OpenCue, Performance, PutCue, Step, TakeCue, Thing, ThingCue, is_carried,
+};
 use crate::editor::edit::{reach_frames, whole_span};
 use crate::editor::free_limbs::{Room, free_arms_within};
 use crate::editor::manipulation::{LONGEST_WAIT, constraints, joints};
@@ -28,7 +30,7 @@ use crate::editor::{
     Constraint, ConstraintFigures, EditedMotion, ManipulationFigures, TaskEditFigures, Wishes, edit_motion,
 };
 use crate::error::{Error, Result};
-use crate::figures::{Surroundings, body_capsules, in_scene};
+use crate::figures::{BodyPart, Surroundings, body_capsules, in_scene};
 use crate::manifold::Manifold;
 use crate::motion::skeleton::palm;
 use crate::motion::{FRAME_RATE, Joint, Motion};
@@ -48,6 +50,8 @@ const BETWEEN: usize = 6;
 const PUT_WITHIN: f32 = 0.01;
 /// A palm is on the handle that it leads within this, metres.
 const ON_THE_HANDLE: f32 = 0.01;
+/// An arm that is deeper in what it opens lets go of it sooner, metres.
+const IN_THE_LEAF: f32 = 0.01;
 
 /// A thing as it was carried, or a leaf as it was opened: where it is from when that began until it stands again, or the motion ends.
 #[derive(Debug, Clone, PartialEq)]
@@ -237,14 +241,14 @@ impl<'a> Hands<'a> {
 
     fn begin_open(&mut self, cue: &'a OpenCue, motion: &Motion, met: usize, now: usize) -> usize {
         let leaves = &self.performance.leaves;
-        let Some((which, leaf)) = leaves.iter().enumerate().find(|(_, leaf)| leaf.name == cue.leaf) else {
+        let Some((which, leaf)) = leaves.iter().enumerate().find(|(_, leaf)| leaf.name == cue.thing) else {
             return 0;
         };
         let from = self.open[which];
-        let reach = self.reach(motion, met, cue.hand, leaf.point(cue.handle, from));
+        let reach = self.reach(motion, met, cue.hand, leaf.at(from).point(cue.grip));
         let pose = motion.postures[met].pose();
         let opening = Opening::new(cue, (which, leaf), from, now + reach, &pose);
-        self.open[which] += cue.amount;
+        self.open[which] += cue.by.number();
         // Nobody walks on before it is open, and has the hand back.
         let let_go = opening.let_go.unwrap_or(opening.opened);
         let until = (let_go + GRIPS + reach).max(opening.opened.saturating_sub(SETTLES));
@@ -261,7 +265,7 @@ impl<'a> Hands<'a> {
             let own = || self.openings.iter().zip(done).filter(move |(o, done)| o.which == which && **done);
             let last = own().map(|(opening, _)| opening.opened).max().unwrap_or(0);
             let so_far = |frame: usize| -> f32 {
-                own().map(|(opening, _)| opening.cue.amount * opening.share(frame)).sum()
+                own().map(|(opening, _)| opening.cue.by.number() * opening.share(frame)).sum()
             };
             let held = own().map(|(o, _)| (o.cue.hand, o.held(o.let_go.unwrap_or(o.opened))));
             Ok(leaf.opened((0..=last).map(so_far), progress)?.held_by(held.collect()))
@@ -439,7 +443,7 @@ impl Hands<'_> {
 }
 
 fn not_opened(open: &OpenCue, person: &str, why: &str) -> String {
-    format!("‘{person}’ does not open ‘{}’ by ‘{}’: {why}", open.leaf, open.name)
+    format!("‘{person}’ does not open ‘{}’ by ‘{}’: {why}", open.thing, open.name)
 }
 
 /// Why whoever has met a step's cue with `motion` does not open what they are to there; none where they do, or it is not known yet.
@@ -448,18 +452,18 @@ pub(crate) fn unopened(performance: &Performance, step: &Step, motion: &Motion) 
     let mut open = vec![0.0f32; performance.leaves.len()];
     for before in performance.steps.iter().take_while(|one| !std::ptr::eq(*one, step)) {
         for cue in before.openings() {
-            let which = performance.leaves.iter().position(|leaf| leaf.name == cue.leaf)?;
-            open[which] += cue.amount;
+            let which = performance.leaves.iter().position(|leaf| leaf.name == cue.thing)?;
+            open[which] += cue.by.number();
         }
     }
     for cue in step.openings() {
-        let which = performance.leaves.iter().position(|leaf| leaf.name == cue.leaf)?;
+        let which = performance.leaves.iter().position(|leaf| leaf.name == cue.thing)?;
         let leaf = &performance.leaves[which];
         let opening = Opening::new(cue, (which, leaf), open[which], 0, &pose);
         if opening.let_go.is_none() {
             return Some(not_opened(cue, &performance.start.name, &opening.out_of_reach()));
         }
-        open[which] += cue.amount;
+        open[which] += cue.by.number();
     }
     None
 }
@@ -477,18 +481,7 @@ impl Done {
                 opening.cue.name
             ));
         }
-        let object = &laying.around.moving[opening.which];
-        let above = laying.floor + laying.around.ignore_below;
-        let (mut arms, mut rest) = (0.0f32, 0.0f32);
-        for frame in opening.taken..=opening.opened.min(motion.len() - 1) {
-            for (part, capsule) in body_capsules(&motion.postures[frame].pose()) {
-                let worst = if part.is_arm() { &mut arms } else { &mut rest };
-                if !object.is_held_by(part, frame) {
-                    let deep = object.contacts_of(&capsule, frame, above);
-                    *worst = deep.iter().map(|contact| contact.depth).fold(*worst, f32::max);
-                }
-            }
-        }
+        let (arms, rest) = laying.in_the_leaf(opening, let_go, motion);
         self.opened.push(OpenedFigures {
             leaf: opening.leaf.name.clone(),
             open: opening.cue.name.clone(),
@@ -496,8 +489,7 @@ impl Done {
             taken: opening.taken,
             let_go,
             opened: opening.opened,
-            amount: opening.cue.amount,
-            led: opening.so_far(let_go) - opening.from,
+            led: opening.share(let_go),
             handle_cm: 100.0 * off,
             arm_cm: 100.0 * arms,
             body_cm: 100.0 * rest,
@@ -606,29 +598,63 @@ impl Laying<'_> {
     /// Has a leaf be opened, as far as the arm reaches, and says on which frame it is let go.
     fn open(&self, opening: &Opening, motion: &mut Motion, grips: &[Grip]) -> Result<usize> {
         let unreached = || Error::Unreachable(opening.out_of_reach());
-        let mut let_go = opening.let_go.ok_or_else(unreached)?;
-        let blend = reach_frames(0.0, self.settings);
-        let (mut laid, span) = loop {
-            let mut laid = motion.clone();
-            let asked = opening.asks(motion, let_go);
-            let at = opening.taken..=let_go;
-            let crouches = crouch(motion, self.floor, opening.lowest(let_go), at, blend, blend);
-            match self.reach_low(asked, crouches, &mut laid, grips) {
-                Ok(span) if opening.off(&laid, let_go) <= ON_THE_HANDLE => break (laid, span),
+        let mut tried = Some(opening.let_go.ok_or_else(unreached)?);
+        let mut best: Option<(f32, usize, Motion)> = None;
+        let mut missed = None;
+        // Where it is let go sooner the arm need not reach so far, nor round the leaf.
+        while let Some(let_go) = tried.filter(|_| best.as_ref().is_none_or(|best| best.0 > IN_THE_LEAF)) {
+            tried = opening.sooner(let_go);
+            match self.led(opening, let_go, motion, grips) {
+                Ok(laid) if opening.off(&laid, let_go) <= ON_THE_HANDLE => {
+                    let (arms, _) = self.in_the_leaf(opening, let_go, &laid);
+                    if best.as_ref().is_none_or(|best| arms < best.0) {
+                        best = Some((arms, let_go, laid));
+                    }
+                }
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
-                // Where it is let go sooner the arm need not reach so far.
-                missed => match (opening.sooner(let_go), missed) {
-                    (Some(sooner), _) => let_go = sooner,
-                    (None, Ok(_)) => return Err(unreached()),
-                    (None, Err(error)) => return Err(error),
-                },
+                Ok(_) => {}
+                Err(error) => missed = Some(error),
             }
-        };
+        }
+        let (_, let_go, laid) = best.ok_or_else(|| missed.unwrap_or_else(unreached))?;
+        *motion = laid;
+        Ok(let_go)
+    }
+
+    /// The motion with a leaf opened that is let go on a frame.
+    fn led(&self, opening: &Opening, let_go: usize, motion: &Motion, grips: &[Grip]) -> Result<Motion> {
+        let mut laid = motion.clone();
+        let blend = reach_frames(0.0, self.settings);
+        let at = opening.taken..=let_go;
+        let crouches = crouch(motion, self.floor, opening.lowest(let_go), at, blend, blend);
+        let span = self.reach_low(opening.asks(motion, let_go), crouches, &mut laid, grips)?;
         let own = (opening.cue.hand, opening.taken..let_go + 1);
         let all: Vec<Grip> = grips.iter().cloned().chain([own]).collect();
         free_arms_within(&mut laid, self.room(), &[], &all, span, self.progress)?;
-        *motion = laid;
-        Ok(let_go)
+        Ok(laid)
+    }
+
+    /// How deep arms, but for a hand on the handle, and the rest of the body are in a leaf while it moves, metres.
+    fn in_the_leaf(&self, opening: &Opening, let_go: usize, motion: &Motion) -> (f32, f32) {
+        let object = &self.around.moving[opening.which];
+        let held = [(opening.cue.hand, opening.held(let_go))];
+        let above = self.floor + self.around.ignore_below;
+        let (mut arms, mut rest) = (0.0f32, 0.0f32);
+        for frame in opening.taken..=opening.opened.min(motion.len() - 1) {
+            for (part, capsule) in body_capsules(&motion.postures[frame].pose()) {
+                let is_on_it = match part {
+                    BodyPart::LeftHand => is_carried(&held, Hand::Left, frame),
+                    BodyPart::RightHand => is_carried(&held, Hand::Right, frame),
+                    _ => false,
+                };
+                if !is_on_it {
+                    let worst = if part.is_arm() { &mut arms } else { &mut rest };
+                    let deep = object.contacts_of(&capsule, frame, above);
+                    *worst = deep.iter().map(|contact| contact.depth).fold(*worst, f32::max);
+                }
+            }
+        }
+        (arms, rest)
     }
 
     /// Has the body reach for what is asked with knees that bend, but where something is in their way; over which frames.

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::carry::GRIPS;
 use super::things::Placement;
-use crate::cue::{Hand, Leaf, OpenCue};
+use crate::cue::{Hand, Hung, Leaf, OpenCue};
 use crate::editor::Constraint;
 use crate::editor::manipulation::joints;
 use crate::math::curve::least_jerk;
@@ -20,7 +20,10 @@ use crate::motion::{FRAME_RATE, Joint, Motion, Pose};
 
 /// What is opened moves for so long, seconds, and for so much longer for each metre of the handle's way.
 const LASTS: (f32, f32) = (0.8, 0.75);
-/// A hand that lets go of what swings on comes to rest within so many frames.
+/// A hand that lets go of what comes towards the person slides off it, away from the hinge, by so much, metres, while it goes along for so
+/// many frames; any hand that lets go of what swings on comes to rest within so many more.
+const SLIDES: f32 = 0.26;
+const ALONG: usize = 6;
 const THROUGH: usize = 8;
 /// What swings on is led at least over this share of its way.
 const LEAST_LED: f32 = 0.4;
@@ -50,11 +53,9 @@ pub struct OpenedFigures {
     pub let_go: usize,
     /// On which the leaf stands.
     pub opened: usize,
-    /// How far it went, degrees about its hinge, or metres along its slide.
-    pub amount: f32,
-    /// The part of it over which the hand led it; the rest it swung on.
+    /// The part of its way over which the hand led it, 0 to 1; the rest it swung on.
     pub led: f32,
-    /// How far the palm is from the handle until then, at the most, cm.
+    /// How far the palm is from the handle until it lets go, at the most, cm.
     pub handle_cm: f32,
     /// How deep arms, but for the hand on the handle, are in the leaf while it moves, at the most, cm; 0 where they are not.
     pub arm_cm: f32,
@@ -88,8 +89,8 @@ impl<'a> Opening<'a> {
         taken: usize,
         pose: &Pose,
     ) -> Self {
-        let usual = LASTS.0 + LASTS.1 * leaf.way(cue.handle, cue.amount);
-        let lasts = (cue.seconds.unwrap_or(usual) * FRAME_RATE).round() as usize;
+        let usual = LASTS.0 + LASTS.1 * leaf.way(cue.grip, cue.by.number());
+        let lasts = (cue.over_seconds.unwrap_or(usual) * FRAME_RATE).round() as usize;
         let mut opening = Self { cue, which, leaf, from, taken, opened: taken + GRIPS + lasts, let_go: None };
         opening.let_go = opening.reached(pose);
         opening
@@ -107,23 +108,39 @@ impl<'a> Opening<'a> {
 
     /// How far it is open on a frame, degrees or metres.
     pub(super) fn so_far(&self, frame: usize) -> f32 {
-        self.from + self.cue.amount * self.share(frame)
+        self.from + self.cue.by.number() * self.share(frame)
     }
 
     /// Its handle for each hand on a frame, left and right, world, metres; `to_left`: the person's left as the hand set out.
     fn handles(&self, frame: usize, to_left: Vec3) -> [Vec3; 2] {
-        let (_, turn) = self.leaf.pose(self.so_far(frame) - self.from);
-        let at = self.leaf.point(self.cue.handle, self.so_far(frame));
-        let beside = if self.cue.hand == Hand::Both { turn * to_left * 0.5 * APART } else { Vec3::ZERO };
+        let at = self.leaf.at(self.so_far(frame)).point(self.cue.grip);
+        let beside = if self.cue.hand == Hand::Both { 0.5 * APART } else { 0.0 };
+        let beside = self.turned(frame) * to_left * beside;
         [at + beside, at - beside]
     }
 
-    /// Where the palms are from when they have come to the handle until they have come to rest, left and right; `let_go`: when they let go.
-    pub(super) fn palms(&self, let_go: usize, to_left: Vec3) -> Vec<[Vec3; 2]> {
+    /// How it is turned on a frame since the hand has come to it, world.
+    fn turned(&self, frame: usize) -> Quat {
+        let turn = |opened: f32| self.leaf.at(opened).rotation;
+        turn(self.so_far(frame)) * turn(self.from).inverse()
+    }
+
+    /// Where the palms of who stands so are from when they have come to the handle until they have come to rest, left and right; `let_go`:
+    /// when they let go.
+    pub(super) fn palms(&self, let_go: usize, pose: &Pose) -> Vec<[Vec3; 2]> {
+        let to_left = to_left(pose);
         let mut out: Vec<[Vec3; 2]> =
             (self.taken..=let_go).map(|frame| self.handles(frame, to_left)).collect();
         if let_go < self.opened {
-            let [before, last] = [let_go - 1, let_go].map(|frame| self.handles(frame, to_left));
+            let comes = self.handles(let_go, to_left)[0] - self.handles(let_go - 1, to_left)[0];
+            if comes.dot(pose.position(Joint::Hips) - self.handles(self.taken, to_left)[0]) > 0.0 {
+                for after in 1..=ALONG {
+                    let frame = (let_go + after).min(self.opened);
+                    let off = self.away_from_hinge(frame) * SLIDES * least_jerk(after as f32 / ALONG as f32);
+                    out.push(self.handles(frame, to_left).map(|handle| handle + off));
+                }
+            }
+            let [before, last] = [out[out.len() - 2], out[out.len() - 1]];
             for after in 1..=THROUGH {
                 let on = after as f32 - (after * after) as f32 / (2 * THROUGH) as f32;
                 out.push([0, 1].map(|side| last[side] + (last[side] - before[side]) * on));
@@ -134,9 +151,15 @@ impl<'a> Opening<'a> {
         out
     }
 
+    /// From its hinge to its handle on a frame, of length 1, world; nowhere for what slides.
+    fn away_from_hinge(&self, frame: usize) -> Vec3 {
+        let Hung::Hinge { point, axis } = self.leaf.hung else { return Vec3::ZERO };
+        let own = (self.cue.grip - point).reject_from(axis.normalize()).normalize_or_zero();
+        self.leaf.at(self.so_far(frame)).rotation * own
+    }
+
     /// The last frame on which the hands of who stands so are on the handle; none where that is too early.
     fn reached(&self, pose: &Pose) -> Option<usize> {
-        let to_left = to_left(pose);
         let within = |palms: &[Vec3; 2]| {
             joints(self.cue.hand).iter().all(|joint| {
                 let side = usize::from(*joint == Joint::RightHand);
@@ -146,7 +169,7 @@ impl<'a> Opening<'a> {
                 away.with_z(if away.z < 0.0 { (away.z + STOOPS).min(0.0) } else { away.z }).length() < most
             })
         };
-        (self.earliest()..=self.opened).rev().find(|frame| self.palms(*frame, to_left).iter().all(within))
+        (self.earliest()..=self.opened).rev().find(|frame| self.palms(*frame, pose).iter().all(within))
     }
 
     /// The earliest frame on which a hand may let go.
@@ -166,20 +189,16 @@ impl<'a> Opening<'a> {
     /// Has the palms be on the handle until they let go, the hands turned to it; `motion`: as the person stands without.
     pub(super) fn asks(&self, motion: &Motion, let_go: usize) -> Vec<Constraint> {
         let pose = motion.postures[self.taken.min(motion.len() - 1)].pose();
-        let path = self.palms(let_go, to_left(&pose));
+        let path = self.palms(let_go, &pose);
         let name = &self.cue.name;
         let ask = |&joint: &Joint| {
             let side = usize::from(joint == Joint::RightHand);
             let palms: Vec<Vec3> = path.iter().map(|palms| palms[side]).collect();
             let turn = turned_to(joint, palms[0] - pose.position(ARMS[side][1]));
-            let turns = (self.taken..=let_go).map(|frame| {
-                let (_, along) = self.leaf.pose(self.so_far(frame) - self.from);
-                Quat::IDENTITY.slerp(along, TURNS_ALONG) * turn
-            });
-            let hold = Constraint {
-                offset: palm(joint),
-                ..Constraint::positions(name, joint, self.taken, palms)
-            };
+            let turns = (self.taken..=let_go)
+                .map(|frame| Quat::IDENTITY.slerp(self.turned(frame), TURNS_ALONG) * turn);
+            let hold =
+                Constraint { offset: palm(joint), ..Constraint::positions(name, joint, self.taken, palms) };
             let wish = Constraint {
                 rotations: turns.collect(),
                 soft: true,
@@ -202,8 +221,8 @@ impl<'a> Opening<'a> {
         format!(
             "from where they stand the hand cannot lead its handle over {} of its {}; move the cue at which they stand, or take another \
              hand.",
-            self.leaf.in_words(least * self.cue.amount.abs()),
-            self.leaf.in_words(self.cue.amount.abs())
+            self.leaf.in_words(least * self.cue.by.number().abs()),
+            self.leaf.in_words(self.cue.by.number().abs())
         )
     }
 
@@ -226,16 +245,9 @@ impl<'a> Opening<'a> {
         (self.taken..=let_go.min(motion.len() - 1)).map(off).fold(0.0, f32::max)
     }
 
-    /// Where its origin is while it moves, a frame each from the first that it moves after.
+    /// Where it is while it moves, a frame each from that after which it does.
     pub(super) fn places(&self) -> Vec<Placement> {
-        let [w, x, y, z] = self.leaf.rotation;
-        let rest = Quat::from_xyzw(x, y, z, w).normalize();
-        let place = |frame: usize| {
-            let so_far = self.so_far(frame);
-            let rotation = self.leaf.pose(so_far).1 * rest;
-            Placement { position: self.leaf.point(self.leaf.position, so_far), rotation }
-        };
-        (self.moves()..=self.opened).map(place).collect()
+        (self.moves()..=self.opened).map(|frame| self.leaf.at(self.so_far(frame))).collect()
     }
 }
 

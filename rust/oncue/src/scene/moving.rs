@@ -54,7 +54,13 @@ impl MovingObject {
         let (lo, hi) = corners.iter().flatten().fold((first, first), |(lo, hi), &v| (lo.min(v), hi.max(v)));
         let poses = poses.iter().map(|&(place, turn)| (place, turn.normalize())).collect();
         let ball = (0.5 * (lo + hi), 0.5 * lo.distance(hi));
-        Ok(Self { name: name.to_owned(), tree: TriangleTree::build(&corners, progress)?, ball, poses, held: Vec::new() })
+        Ok(Self {
+            name: name.to_owned(),
+            tree: TriangleTree::build(&corners, progress)?,
+            ball,
+            poses,
+            held: Vec::new(),
+        })
     }
 
     /// The same in hands that have it on these frames.
