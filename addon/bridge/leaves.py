@@ -32,6 +32,8 @@ USUAL_TURN, USUAL_WAY, PART_OF_DEPTH = 90.0, 0.35, 0.8
 STANDS_OUT, SMALLER = 0.012, 0.5
 #: Where there is none, a hand comes so near to the edge, and so high over the floor, metres.
 FROM_THE_EDGE, HANDLE_HEIGHT = 0.07, 1.0
+#: Fingers lift a lid, and the palm is so far beyond its edge, metres.
+FINGERS = 0.06
 #: Who opens something keeps so far from all that it sweeps, metres, at these heights over the floor.
 CLEAR, HEIGHTS = 0.24, (0.25, 0.60, 0.95, 1.30)
 #: So many places of its way are looked at; how far away one likes the handle, metres, and what more or less counts.
@@ -265,7 +267,8 @@ def grip_of(leaf: Leaf, opens: Opens, come_from: Vector) -> Vector:
     if opens.how == HINGE:
         (other,) = (k for k in across if k != opens.axis) if opens.axis in across else (across[0],)
         far = high if abs(high[other]) > abs(low[other]) else low
-        grip[other] = far[other] - math.copysign(min(FROM_THE_EDGE, 0.2 * size[other]), far[other])
+        inwards = min(FROM_THE_EDGE, 0.2 * size[other]) if _comes_out(leaf, opens) else -FINGERS
+        grip[other] = far[other] - math.copysign(inwards, far[other])
         if abs(leaf.axis(opens.axis).z) > UPRIGHT:
             up = 1.0 if leaf.axis(opens.axis).z > 0.0 else -1.0
             base = min(leaf.in_world(low).z, leaf.in_world(high).z)

@@ -199,3 +199,26 @@ def test_what_cannot_be_opened_is_a_sentence_and_leaves_the_file(oncue, objects,
     pick(bpy.data.objects["Open Door"])
     with pytest.raises(RuntimeError, match="Select what is to be opened"):
         bpy.ops.oncue.place_open(hand="left")
+
+
+def test_real_doors_are_found(oncue, objects, shared_data):
+    """Which way what the table has as hinges opens, and where a hand takes hold of it, by the objects alone."""
+    table = shared_data / "objects" / "objects.tsv"
+    rows = [line.split("\t") for line in table.read_text(encoding="utf-8").splitlines()]
+    head, rows = rows[0], rows[1:]
+    found = [dict(zip(head, row, strict=True)) for row in rows]
+    doors = [row for row in found if row["object"] in ("door", "frontDoor", "fridge", "wardrobe", "laptop")]
+    assert len(doors) == 6
+    for row in doors:
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+        add_floor(4.0)
+        objects.make_cue(bpy.context, "start", (0.3, -3.0, 0), 2.8)
+        bpy.ops.import_scene.gltf(filepath=str(table.with_name(row["file"])))
+        pick(bpy.data.objects[row["moving_node"]])
+        assert bpy.ops.oncue.place_open(hand="right") == {"FINISHED"}
+        cue = bpy.data.objects[f"Open {row['moving_node']}"]
+        axis = Vector(map(float, row["axis_xyz"].split()))
+        along = Vector([float(k == cue["oncue_axis"]) for k in "XYZ"]) * cue["oncue_amount"]
+        assert axis.angle(along) < 0.01, row["moving_node"]
+        contact = Vector(map(float, row["contact_xyz"].split()))
+        assert (cue.matrix_world.translation - contact).length < 0.10, row["moving_node"]
