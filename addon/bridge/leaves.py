@@ -268,7 +268,7 @@ def grip_of(leaf: Leaf, opens: Opens, come_from: Vector) -> Vector:
         (other,) = (k for k in across if k != opens.axis) if opens.axis in across else (across[0],)
         far = high if abs(high[other]) > abs(low[other]) else low
         inwards = min(FROM_THE_EDGE, 0.2 * size[other]) if _comes_out(leaf, opens) else -FINGERS
-        grip[other] = far[other] - math.copysign(inwards, far[other])
+        grip[other] = far[other] - inwards * math.copysign(1.0, far[other])
         if abs(leaf.axis(opens.axis).z) > UPRIGHT:
             up = 1.0 if leaf.axis(opens.axis).z > 0.0 else -1.0
             base = min(leaf.in_world(low).z, leaf.in_world(high).z)

@@ -152,8 +152,9 @@ mod tests {
         Performance {
             start: InitialState::standing("Start", Vec3::new(x, y, 0.0), 0.0),
             steps,
-            looks: Vec::new(),
             things: Vec::new(),
+            leaves: Vec::new(),
+            looks: Vec::new(),
         }
     }
 

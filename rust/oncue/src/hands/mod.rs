@@ -21,7 +21,7 @@ use open::Opening;
 use things::Placement;
 
 use crate::cue::{
-    Hand, ManipulationCue, OpenCue, Performance, PutCue, Step, TakeCue, Thing, ThingCue, is_carried,
+    Hand, Leaf, ManipulationCue, OpenCue, Performance, PutCue, Step, TakeCue, Thing, ThingCue, is_carried,
 };
 use crate::editor::edit::{reach_frames, whole_span};
 use crate::editor::free_limbs::{Room, free_arms_within};
@@ -261,7 +261,7 @@ impl<'a> Hands<'a> {
     /// # Errors
     /// `Input` for a mesh that is none; `Cancelled`.
     fn leaves(&self, done: &[bool], progress: &Progress) -> Result<Vec<MovingObject>> {
-        let object = |(which, leaf): (usize, &crate::cue::Leaf)| {
+        let object = |(which, leaf): (usize, &Leaf)| {
             let own = || self.openings.iter().zip(done).filter(move |(o, done)| o.which == which && **done);
             let last = own().map(|(opening, _)| opening.opened).max().unwrap_or(0);
             let so_far = |frame: usize| -> f32 {

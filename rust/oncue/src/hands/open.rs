@@ -29,8 +29,10 @@ const THROUGH: usize = 8;
 const LEAST_LED: f32 = 0.4;
 /// Two hands on one leaf keep so far apart, metres.
 const APART: f32 = 0.20;
-/// Shoulders come towards what is reached for by so much, and down to it by so much, metres, and arms are never quite straight.
+/// Shoulders come towards what is reached for by so much, and down to it by so much, metres, and arms are never quite straight. Who may let
+/// go leans no farther than is easy.
 const LEANS: f32 = 0.22;
+const LEANS_EASILY: f32 = 0.10;
 const STOOPS: f32 = 0.35;
 const STRETCHED: f32 = 0.97;
 /// A hand turns with its handle by this share: the rest of it the fingers slip round.
@@ -92,7 +94,7 @@ impl<'a> Opening<'a> {
         let usual = LASTS.0 + LASTS.1 * leaf.way(cue.grip, cue.by.number());
         let lasts = (cue.over_seconds.unwrap_or(usual) * FRAME_RATE).round() as usize;
         let mut opening = Self { cue, which, leaf, from, taken, opened: taken + GRIPS + lasts, let_go: None };
-        opening.let_go = opening.reached(pose);
+        opening.let_go = opening.reached(pose, LEANS_EASILY).or_else(|| opening.reached(pose, LEANS));
         opening
     }
 
@@ -158,13 +160,13 @@ impl<'a> Opening<'a> {
         self.leaf.at(self.so_far(frame)).rotation * own
     }
 
-    /// The last frame on which the hands of who stands so are on the handle; none where that is too early.
-    fn reached(&self, pose: &Pose) -> Option<usize> {
+    /// The last frame on which the hands of who stands so, and leans so far, metres, are on the handle; none where that is too early.
+    fn reached(&self, pose: &Pose, leans: f32) -> Option<usize> {
         let within = |palms: &[Vec3; 2]| {
             joints(self.cue.hand).iter().all(|joint| {
                 let side = usize::from(*joint == Joint::RightHand);
                 let arm: f32 = ARMS[side][2..].iter().map(|joint| JOINT_OFFSET[joint.index()].length()).sum();
-                let most = STRETCHED * (arm + palm(*joint).length()) + LEANS;
+                let most = STRETCHED * (arm + palm(*joint).length()) + leans;
                 let away = palms[side] - pose.position(ARMS[side][1]);
                 away.with_z(if away.z < 0.0 { (away.z + STOOPS).min(0.0) } else { away.z }).length() < most
             })
