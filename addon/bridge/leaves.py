@@ -310,9 +310,7 @@ def leads_from(leaf: Leaf, opens: Opens, grip: Vector, come_from: Vector) -> Cal
                     return None
         ways = [abs((handle - spot).xy.length - HANDY) for handle in handles]
         # An arm that has to come round the edge is in the leaf's way.
-        behind = [
-            max((handle - spot).dot(way), 0.0) for handle, way in zip(handles, onwards, strict=True) if is_pulled
-        ]
+        behind = [max((handle - spot).dot(way), 0.0) for handle, way in zip(handles, onwards, strict=True) if is_pulled]
         return (LEADS_COUNT * sum(ways) + BEHIND_COUNTS * sum(behind)) / len(ways)
 
     return counts
