@@ -32,8 +32,8 @@ USUAL_TURN, USUAL_WAY, PART_OF_DEPTH = 90.0, 0.35, 0.8
 STANDS_OUT, SMALLER = 0.012, 0.5
 #: Where there is none, a hand comes so near to the edge, and so high over the floor, metres.
 FROM_THE_EDGE, HANDLE_HEIGHT = 0.07, 1.0
-#: Fingers lift a lid, and the palm is so far beyond its edge, metres.
-FINGERS = 0.06
+#: Fingers lift a lid: the palm is so far beyond its edge, and so far over it, metres.
+FINGERS, OVER = 0.06, 0.03
 #: Who opens something keeps so far from all that it sweeps, metres, at these heights over the floor.
 CLEAR, HEIGHTS = 0.24, (0.25, 0.60, 0.95, 1.30)
 #: So many places of its way are looked at; how far away one likes the handle, metres, and what more or less counts.
@@ -276,7 +276,8 @@ def grip_of(leaf: Leaf, opens: Opens, come_from: Vector) -> Vector:
             grip[opens.axis] = low[opens.axis] + height if up > 0.0 else high[opens.axis] - height
     if _comes_out(leaf, opens):
         grip[thin] = (high if out > 0.0 else low)[thin]
-    return leaf.in_world(grip)
+        return leaf.in_world(grip)
+    return leaf.in_world(grip) + Vector((0.0, 0.0, OVER))
 
 
 # --- where to stand ---------------------------------------------------------------------------------------------------
