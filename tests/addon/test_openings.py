@@ -223,3 +223,22 @@ def test_real_doors_are_found(oncue, objects, shared_data):
         assert axis.angle(along) < 0.01, row["moving_node"]
         contact = Vector(map(float, row["contact_xyz"].split()))
         assert (cue.matrix_world.translation - contact).length < 0.10, row["moving_node"]
+
+
+def test_a_real_fridge_is_opened(oncue, objects, shared_data):
+    """Lower than a door, so that knees bend; the hand lets go of it as it swings."""
+    add_floor(4.0)
+    objects.make_cue(bpy.context, "start", (-0.9, -2.6, 0), 2.8)
+    bpy.ops.import_scene.gltf(filepath=str(shared_data / "objects" / "fridge.glb"))
+    pick(bpy.data.objects["fridge_door"])
+    assert bpy.ops.oncue.place_open(hand="right") == {"FINISHED"}
+    bpy.context.scene.frame_set(1)
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    report = oncue("bridge.session").report_of(current_action())
+    assert report["success"], report["problems"]
+    (told,) = report["opened"]
+    assert 0.4 <= told["led"] <= 1.0
+    assert told["handle_cm"] < 1.0
+    assert max(told["arm_cm"], told["body_cm"]) < 1.0
+    stands = at(bpy.data.objects["fridge_door"], math.ceil(told["opened"] * 24 / 30) + 2)
+    assert stands[:3, 0] == pytest.approx((0, 1, 0), abs=1e-3)
