@@ -157,7 +157,7 @@ pub(crate) fn perform_among(
             break;
         }
         // Nobody walks on through what was not opened.
-        stopped = if is_last { None } else { unopened(performance, step, &steps[at].made.motion) };
+        stopped = if is_last { None } else { unopened(performance, at, &steps[at].made.motion) };
         if stopped.is_some() {
             break;
         }

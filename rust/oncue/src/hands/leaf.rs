@@ -116,7 +116,7 @@ impl Leaf {
 }
 
 /// How far each leaf is open when each of the steps begins, and after all of them.
-fn openings(performance: &Performance) -> Vec<Vec<f32>> {
+pub(super) fn openings(performance: &Performance) -> Vec<Vec<f32>> {
     let mut now = vec![0.0f32; performance.leaves.len()];
     let mut all = vec![now.clone()];
     for step in &performance.steps {

@@ -16,12 +16,13 @@ use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 use carry::{Carry, Down, FADES, GRIPS, Held, LIFTS, Way, crouch};
+use leaf::openings;
 pub use open::OpenedFigures;
 use open::Opening;
 use things::Placement;
 
 use crate::cue::{
-    Hand, Leaf, ManipulationCue, OpenCue, Performance, PutCue, Step, TakeCue, Thing, ThingCue, is_carried,
+    Hand, Leaf, ManipulationCue, OpenCue, Performance, PutCue, TakeCue, Thing, ThingCue, is_carried,
 };
 use crate::editor::edit::{reach_frames, whole_span};
 use crate::editor::free_limbs::{Room, free_arms_within};
@@ -446,17 +447,12 @@ fn not_opened(open: &OpenCue, person: &str, why: &str) -> String {
     format!("‘{person}’ does not open ‘{}’ by ‘{}’: {why}", open.thing, open.name)
 }
 
-/// Why whoever has met a step's cue with `motion` does not open what they are to there; none where they do, or it is not known yet.
-pub(crate) fn unopened(performance: &Performance, step: &Step, motion: &Motion) -> Option<String> {
+/// Why whoever has met the cue of one of the steps with `motion` does not open what they are to there; none where they do, or it is not
+/// known yet.
+pub(crate) fn unopened(performance: &Performance, step: usize, motion: &Motion) -> Option<String> {
     let pose = motion.postures.last()?.pose();
-    let mut open = vec![0.0f32; performance.leaves.len()];
-    for before in performance.steps.iter().take_while(|one| !std::ptr::eq(*one, step)) {
-        for cue in before.openings() {
-            let which = performance.leaves.iter().position(|leaf| leaf.name == cue.thing)?;
-            open[which] += cue.by.number();
-        }
-    }
-    for cue in step.openings() {
+    let mut open = openings(performance).swap_remove(step);
+    for cue in performance.steps[step].openings() {
         let which = performance.leaves.iter().position(|leaf| leaf.name == cue.thing)?;
         let leaf = &performance.leaves[which];
         let opening = Opening::new(cue, (which, leaf), open[which], 0, &pose);
