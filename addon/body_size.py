@@ -13,9 +13,9 @@ from functools import partial
 from typing import Any
 
 #: Fields of a report that are lengths, speeds and times; accelerations, angles and shares are the same at any size.
-_LENGTH = re.compile(r"(_cm|_m|^place|^position|^feet|^path|^positions|^grip|^low|^high)$")
+_LENGTH = re.compile(r"(_cm|_m|^place|^position|^feet|^path|^positions|^grip|^low|^high|^point|^metres)$")
 _SPEED = re.compile(r"_c?m_per_s$")
-_TIME = re.compile(r"(_s|^hold_seconds|^at_seconds|^at)$")
+_TIME = re.compile(r"(_s|^hold_seconds|^at_seconds|^over_seconds|^at)$")
 #: Speeds that have no unit in their name.
 _SPEEDS = {"walking", "fastest"}
 #: Parts of a report that are none of the motion's.

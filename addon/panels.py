@@ -11,7 +11,16 @@ import bpy
 from . import body_size, native
 from .bridge import own_rig, people, session, takes
 from .bridge.cue_objects import KINDS
-from .bridge.names import AT_FRAME_KEY, CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
+from .bridge.names import (
+    AMOUNT_KEY,
+    AT_FRAME_KEY,
+    CUE_KEY,
+    FIRST_FRAME_KEY,
+    HOLD_KEY,
+    LAST_FRAME_KEY,
+    OPENS_KEY,
+    OVER_KEY,
+)
 from .bridge.pins import Pin, read_pins
 from .bridge.puppet import is_own_skeleton, who_acts
 from .bridge.shown_cues import (
@@ -19,6 +28,7 @@ from .bridge.shown_cues import (
     FEET,
     HANDS,
     LOOK,
+    OPEN,
     PASS,
     PUT,
     TAKE,
@@ -43,6 +53,7 @@ CUE_ICONS = {
     PASS: "TRACKING_FORWARDS_SINGLE",
     TAKE: "VIEW_PAN",
     PUT: "IMPORT",
+    OPEN: "MOD_EDGESPLIT",
     LOOK: "HIDE_OFF",
 }
 #: A list that is no longer is open at first; of a longer one so many lines are shown.
@@ -114,6 +125,8 @@ class ONCUE_PT_cues(OncuePanel, bpy.types.Panel):
                     row.prop(cue, f'["{key}"]', text="")
             if HOLD_KEY in cue:
                 row.prop(cue, f'["{HOLD_KEY}"]', text="Looks (s)" if cue[CUE_KEY] == LOOK else "Stays (s)")
+            if AMOUNT_KEY in cue:
+                _draw_opening(column.row(align=True), cue)
             if cue[CUE_KEY] in ENDS and (AT_FRAME_KEY in cue or cue == context.active_object):
                 _draw_time(column.row(align=True), cue)
         kinds = {cue[CUE_KEY] for cue in cues}
@@ -163,6 +176,15 @@ def _draw_step(row: bpy.types.UILayout, cue: bpy.types.Object, played: list, fra
     for icon, by in (("TRIA_UP", -1), ("TRIA_DOWN", 1)):
         button = row.operator("oncue.move_step", text="", icon=icon)
         button.cue, button.by = cue.name, by
+
+
+def _draw_opening(row: bpy.types.UILayout, cue: bpy.types.Object) -> None:
+    """How far an open cue opens something, and over how long."""
+    row.label(text="", icon="BLANK1")
+    unit = "Metres" if cue.get(OPENS_KEY) == "slide" else "Degrees"
+    row.prop(cue, f'["{AMOUNT_KEY}"]', text=unit)
+    if OVER_KEY in cue:
+        row.prop(cue, f'["{OVER_KEY}"]', text="Takes (s)")
 
 
 def _draw_time(row: bpy.types.UILayout, cue: bpy.types.Object) -> None:
@@ -584,6 +606,9 @@ def _draw_limbs(column: bpy.types.UILayout) -> None:
     for hand, text in (("left", "Take Left"), ("right", "Take Right"), ("both", "Take Both")):
         row.operator("oncue.place_take", text=text).hand = hand
     column.operator("oncue.place_put")
+    row = column.row(align=True)
+    for hand, text in (("left", "Open Left"), ("right", "Open Right"), ("both", "Open Both")):
+        row.operator("oncue.place_open", text=text).hand = hand
 
 
 def _draw_manifold(column: bpy.types.UILayout, settings) -> None:

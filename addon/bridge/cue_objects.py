@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
 import bpy  # before bmesh: the bpy module brings it
 
@@ -13,6 +15,7 @@ from mathutils import Matrix, Vector
 
 from ..errors import SceneError
 from . import compat
+from .leaves import grip_of, hinge_of, leads_from, read_mesh, write_opens
 from .names import (
     AT_FRAME_KEY,
     CHARACTER_KEY,
@@ -31,6 +34,7 @@ from .scene_time import may_move
 from .shown_cues import (
     ENDS,
     LOOK,
+    OPEN,
     ORDERED,
     PASS,
     PUT,
@@ -42,7 +46,7 @@ from .shown_cues import (
     visible_cues,
     worked_on,
 )
-from .stand_finder import WITHIN_REACH, stand_before
+from .stand_finder import REACHES, WITHIN_REACH, stand_before
 from .things import read_thing, thing_of
 from .what_counts import is_shown, things_of
 
@@ -54,6 +58,7 @@ KINDS = {
     "pass": ("Pass", "PLAIN_AXES", 0.15, (0.90, 0.80, 0.20, 1.0)),
     "take": ("Take", "SPHERE", 0.03, (0.95, 0.45, 0.70, 1.0)),
     "put": ("Put", "CIRCLE", 0.10, (0.95, 0.45, 0.70, 1.0)),
+    "open": ("Open", "SPHERE", 0.03, (0.95, 0.75, 0.45, 1.0)),
     "look": ("Look", "CIRCLE", 0.08, (0.35, 0.85, 0.75, 1.0)),
     "left_foot": ("Left Foot", "CUBE", 0.04, (0.30, 0.60, 0.95, 1.0)),
     "right_foot": ("Right Foot", "CUBE", 0.04, (0.75, 0.45, 0.95, 1.0)),
@@ -63,6 +68,8 @@ KINDS = {
 }
 #: A start within this of the yaw that it was given was not turned, radians.
 UNTURNED = 1e-3
+#: What is opened is stood before farther away, too, where it comes towards one, metres.
+FARTHER = (*REACHES, 0.70, 0.78)
 #: The pelvis joint of a seated person over the seat, metres.
 PELVIS_OVER_SEAT = 0.10
 
@@ -405,12 +412,60 @@ def place_put(context: bpy.types.Context, place, metres_per_unit: float) -> bpy.
     return _with_a_stand(context, cue, metres_per_unit)
 
 
-def _with_a_stand(context: bpy.types.Context, cue: bpy.types.Object, metres_per_unit: float) -> bpy.types.Object:
-    """A Take or Put cue that was placed, with a place to stand for it, selected. Raises SceneError without one; the cue
-    is gone then.
+def place_open(
+    context: bpy.types.Context, hand: str, how: str | None, axis: int | None, amount: float, metres_per_unit: float
+) -> bpy.types.Object:
+    """A cue that has the active object opened by a hand, after all cues that are there, at its handle; selects it.
+
+    `how`, `axis`, `amount`: which way it opens and how far, where that is not to be found; 0 for as far as usual. Where
+    the object's own origin is at no hinge, and that of the empty on which it hangs is, that is opened. Raises
+    SceneError.
+    """
+    thing = context.active_object
+    if thing is None or not thing.select_get() or thing.get(CUE_KEY) or thing.get(CHARACTER_KEY):
+        raise SceneError("Select what is to be opened (the door's leaf, the lid, the drawer), and press again.")
+    standing = _who_stands(context, None)
+    if not standing:
+        raise SceneError("Place the Start cue first: from there Oncue finds where to stand.")
+    come_from = standing[-1].matrix_world.translation * metres_per_unit
+    cue = _place_thing(context, OPEN, thing, thing.matrix_world.translation, 0.0, metres_per_unit)
+    cue[HAND_KEY] = hand
+    depsgraph = context.evaluated_depsgraph_get()
+    try:
+        leaf = read_mesh(cue, thing, depsgraph, metres_per_unit)
+        try:
+            opens = hinge_of(cue, leaf, come_from, how, axis)
+        except SceneError:
+            hinge = thing.parent
+            if hinge is None or hinge.type != "EMPTY" or hinge.get(CUE_KEY):
+                raise
+            leaf = read_mesh(cue, hinge, depsgraph, metres_per_unit)
+            opens = hinge_of(cue, leaf, come_from, how, axis)
+            cue[THING_KEY] = hinge
+    except SceneError:
+        bpy.data.objects.remove(cue)
+        raise
+    opens = replace(opens, amount=amount) if amount else opens
+    grip = grip_of(leaf, opens, come_from)
+    cue.location = grip / metres_per_unit
+    write_opens(cue, opens)
+    hang_on(context, cue, leaf.thing)
+    leads = leads_from(leaf, opens, grip, come_from)
+    return _with_a_stand(context, cue, metres_per_unit, FARTHER, leads)
+
+
+def _with_a_stand(
+    context: bpy.types.Context,
+    cue: bpy.types.Object,
+    metres_per_unit: float,
+    reaches: tuple[float, ...] = REACHES,
+    counts: Callable[[Vector], float | None] | None = None,
+) -> bpy.types.Object:
+    """A Take, Put or Open cue that was placed, with a place to stand for it (as of `stand_before`), selected. Raises
+    SceneError without one; the cue is gone then.
     """
     try:
-        _stand_for(context, cue, metres_per_unit)
+        _stand_for(context, cue, metres_per_unit, reaches, counts)
     except SceneError:
         bpy.data.objects.remove(cue)
         raise
@@ -418,8 +473,21 @@ def _with_a_stand(context: bpy.types.Context, cue: bpy.types.Object, metres_per_
     return cue
 
 
-def _stand_for(context: bpy.types.Context, cue: bpy.types.Object, metres_per_unit: float) -> None:
-    """Where no Sit or Stop cue before a Take or Put cue is within reach of it, has the person stop where one is.
+def _who_stands(context: bpy.types.Context, cue: bpy.types.Object | None) -> list[bpy.types.Object]:
+    """The Stop cues before a cue, or before all that come, else the start: where who comes there may have stood."""
+    before = [one for one in ordered_cues(context, worked_on(context)) if one != cue]
+    starts = [worked_on(context)] if worked_on(context) else visible_cues(context, "start")
+    return [one for one in before if one[CUE_KEY] == "stop"] or starts
+
+
+def _stand_for(
+    context: bpy.types.Context,
+    cue: bpy.types.Object,
+    metres_per_unit: float,
+    reaches: tuple[float, ...],
+    counts: Callable[[Vector], float | None] | None,
+) -> None:
+    """Where no Sit or Stop cue before a Take, Put or Open cue is within reach of it, has the person stop where one is.
 
     Raises SceneError where nobody could stand.
     """
@@ -429,13 +497,13 @@ def _stand_for(context: bpy.types.Context, cue: bpy.types.Object, metres_per_uni
     if there and (there[-1].matrix_world.translation - place).xy.length <= WITHIN_REACH * unit:
         return
     starts = [worked_on(context)] if worked_on(context) else visible_cues(context, "start")
-    standing = [one for one in there if one[CUE_KEY] == "stop"] or starts
+    standing = _who_stands(context, cue)
     if not standing:
         raise SceneError("Place the Start cue first: from there Oncue finds where to stand.")
     floor = (starts or standing)[0].matrix_world.translation.z
     come_from = (there or standing)[-1].matrix_world.translation.copy()
     come_from.z = floor
-    found = stand_before(context, place, come_from, metres_per_unit)
+    found = stand_before(context, place, come_from, metres_per_unit, reaches, counts)
     if found is None:
         raise SceneError(
             f"Nobody can stand within reach of {cue.name}: place a Sit or Stop cue from which a hand gets there, and "

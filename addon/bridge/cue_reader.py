@@ -6,15 +6,18 @@ from __future__ import annotations
 import math
 
 import bpy
+from mathutils import Vector
 
 from ..errors import SceneError
 from ..scene_frames import CORE_RATE
 from .cue_objects import forward_of
+from .leaves import leaf_told, read_mesh, read_open, said_by
 from .names import AT_FRAME_KEY, CUE_KEY, HOLD_KEY
 from .scene_time import current_frame_kept, frame_rate, may_move, moving, show
 from .shown_cues import (
     FEET,
     LOOK,
+    OPEN,
     ORDERED,
     PASS,
     PLAYED,
@@ -67,6 +70,7 @@ def read_task(
     steps: list[dict] = []
     passes: list[dict] = []
     things: dict[str, dict] = {}
+    leaves: dict[str, dict] = {}
     looks: list[dict] = []
     comes = 0
     alone = len(ends) == 1 and not several
@@ -78,7 +82,7 @@ def read_task(
             looks.append({"name": cue.name, "path": path, "after": comes, **holds})
             continue
         if cue[CUE_KEY] in THINGS:
-            _read_thing(cue, depsgraph, metres_per_unit, steps, things)
+            _read_thing(cue, depsgraph, metres_per_unit, steps, leaves if cue[CUE_KEY] == OPEN else things)
             continue
         comes += 1
         if cue[CUE_KEY] == PASS:
@@ -99,21 +103,31 @@ def read_task(
             f"{passes[-1]['name']} is a Pass cue that nothing follows: place a Sit or Stop cue after it, or move it up "
             "in the list."
         )
-    if len(steps) == 1 and not several and not times and not looks and not things:
+    if len(steps) == 1 and not several and not times and not looks and not things and not leaves:
         return {"start": begins, **{name: part for name, part in steps[0].items() if name != "hold_seconds"}}
-    besides = {"things": list(things.values()), "looks": looks}
+    besides = {"things": list(things.values()), "leaves": list(leaves.values()), "looks": looks}
     return {"start": begins, "steps": steps, **{name: part for name, part in besides.items() if part}}
 
 
 def _read_thing(cue: bpy.types.Object, depsgraph, metres_per_unit: float, steps: list[dict], things: dict) -> None:
-    """Has a thing be taken or put down at the last of the steps; `things` has each that is by its name."""
+    """Has a thing be taken, put down or opened at the last of the steps; `things` has each that is by its name."""
     if not steps:
         raise SceneError(
-            f"{cue.name} comes before any Sit or Stop cue, and things are taken and put down where the person stays: "
-            "place a Stop cue before it, or move it down in the list."
+            f"{cue.name} comes before any Sit or Stop cue, and things are taken, put down and opened where the person "
+            "stays: place a Stop cue before it, or move it down in the list."
         )
     thing = thing_of(cue)
-    if cue[CUE_KEY] == TAKE:
+    if cue[CUE_KEY] == OPEN:
+        leaf = read_mesh(cue, thing, depsgraph, metres_per_unit)
+        opens = said_by(cue, leaf, Vector(steps[-1]["cue"]["position"]))
+        told = leaf_told(leaf, opens)
+        known = things.setdefault(thing.name, told)
+        if known["hung"] != told["hung"]:
+            raise SceneError(
+                f"{cue.name} opens {thing.name} about or along another axis than a cue before it: give both the same."
+            )
+        read = read_open(cue, leaf, opens, metres_per_unit)
+    elif cue[CUE_KEY] == TAKE:
         if thing.name not in things:
             things[thing.name] = read_thing(cue, thing, depsgraph, metres_per_unit)
         read = read_take(cue, thing, depsgraph, metres_per_unit)
@@ -196,8 +210,8 @@ def at_first_frame(
             scene.frame_set(first_frame)
             task = read_task(context, metres_per_unit, start=start)
     said = "{} is animated: it was read as it stands at frame {}, where the motion begins."
-    # What is taken is carried by the take that plays, and its cue with it.
-    own = [cue for cue in moved if cue[CUE_KEY] != TAKE]
+    # What is taken or opened goes as the take has it that plays, and its cue with it.
+    own = [cue for cue in moved if cue[CUE_KEY] not in (TAKE, OPEN)]
     return task, [(cue.name, said.format(cue.name, first_frame)) for cue in own]
 
 

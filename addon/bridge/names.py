@@ -13,13 +13,17 @@ FIRST_FRAME_KEY, LAST_FRAME_KEY = "oncue_first_frame", "oncue_last_frame"
 HOLD_KEY = "oncue_hold_seconds"
 #: On a sit or stop cue: the frame of the scene on which it is to be reached; without it that is when it comes to it.
 AT_FRAME_KEY = "oncue_at_frame"
-#: On a take or put cue: the thing (the object) that is taken or put down; on the action that has it carried: the same.
+#: On a take, put or open cue: the thing (the object) that is taken, put down or opened; on the action that has it so:
+#: the same.
 THING_KEY = "oncue_thing"
-#: On a take cue: which hand takes it, "left", "right" or "both".
+#: On a take or open cue: which hand takes or opens it, "left", "right" or "both".
 HAND_KEY = "oncue_hand"
+#: On an open cue: "hinge" or "slide", the object's own axis through its origin, "X", "Y" or "Z", how far it is opened,
+#: degrees or metres, and over how many seconds; 0 or missing: as long as people take.
+OPENS_KEY, AXIS_KEY, AMOUNT_KEY, OVER_KEY = "oncue_opens", "oncue_axis", "oncue_amount", "oncue_over_seconds"
 #: On an action that has a thing carried: the take that it belongs to, and the object's own matrix before, 16 numbers.
 CARRIED_IN_KEY, REST_KEY = "oncue_carried_in", "oncue_rest"
-#: On a sit, stop, pass, take or put cue: its place in the order in which several are played, from 1; those
+#: On a sit, stop, pass, take, put or open cue: its place in the order in which several are played, from 1; those
 #: without come last, by name.
 STEP_KEY = "oncue_step"
 #: On a sit, stop or pass cue: the start (the object) of the person who plays it; needed where several people start.

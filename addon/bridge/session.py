@@ -186,6 +186,11 @@ def read_shot(context: bpy.types.Context) -> tuple[list[Request], list[tuple[str
             f"Things are taken ({', '.join(taken)}) where one person starts, and {len(found)} do: hide the Take and "
             "Put cues, or all Start cues but one."
         )
+    if opened := [leaf["name"] for task in tasks for leaf in task.get("leaves", [])]:
+        raise SceneError(
+            f"Hands open {', '.join(opened)} where one person starts, and {len(found)} do: hide the Open cues, or all "
+            "Start cues but one."
+        )
     library = library_choice(context.scene)
     characters = tuple(person.character for person in found if person.character is not None)
     meshes = read_scene(
@@ -258,6 +263,10 @@ def _one_cue(task: dict) -> dict:
         raise SceneError(
             f"Follow Cues has nothing taken, and {things[0]['name']} is: hide the Take and Put cues, or press "
             "Synthesize."
+        )
+    if leaves := task.get("leaves"):
+        raise SceneError(
+            f"Follow Cues has nothing opened, and {leaves[0]['name']} is: hide the Open cues, or press Synthesize."
         )
     if looks := task.get("looks"):
         raise SceneError(
@@ -653,10 +662,19 @@ def full_report(request: Request, outcome: Outcome, skipped: list[tuple[str, str
         "seconds": outcome.seconds,
     }
     if request.size != 1.0:
-        extension["body"] = {"size": request.size, "task": request.task}
+        extension["body"] = {"size": request.size, "task": _without_meshes(request.task)}
     told = _told({**report, "extension": extension}, request, outcome.passing, begins)
     asked = request.task if request.asked is None else request.asked
-    return {**report_in_scene(report, request.size), "task": asked, **told}
+    return {**report_in_scene(report, request.size), "task": _without_meshes(asked), **told}
+
+
+def _without_meshes(asked: dict) -> dict:
+    """What was asked for, without the meshes of what is opened: the scene has these, and a report is read by people."""
+    leaves = [
+        {name: part for name, part in leaf.items() if name not in ("positions", "triangles")}
+        for leaf in asked.get("leaves", [])
+    ]
+    return {**asked, "leaves": leaves} if leaves else asked
 
 
 def _skipped(skipped: list[tuple[str, str]]) -> list[dict]:
@@ -861,11 +879,15 @@ def _are_same_cues(now: dict, before: dict) -> bool:
 
 
 def _are_same_things(now: dict, before: dict) -> bool:
-    """Whether the same is taken by the same hands and put down at the same places; where it stood at first aside."""
+    """Whether the same is taken by the same hands, put down at the same places and opened as far; where it stood at
+    first aside.
+    """
 
     def asked(task: dict) -> list[tuple]:
         things = [(at, cue) for at, step in enumerate(task.get("steps", [])) for cue in step.get("things", [])]
-        return [(at, cue["does"], cue["thing"], cue.get("hand"), "yaw" in cue) for at, cue in things]
+        asked = [(at, cue["does"], cue["thing"], cue.get("hand"), "yaw" in cue) for at, cue in things]
+        opened = [(cue.get("by"), cue.get("over_seconds")) for _, cue in things]
+        return [*asked, *opened, *(leaf["hung"] for leaf in task.get("leaves", []))]
 
     def places(task: dict) -> list[float]:
         things = [cue for step in task.get("steps", []) for cue in step.get("things", [])]

@@ -13,7 +13,7 @@ from .what_counts import is_shown, things_of
 ENDS = ("sit", "stop")
 PASS = "pass"
 #: What is done with a thing at the last sit or stop cue before it.
-THINGS = TAKE, PUT = ("take", "put")
+THINGS = TAKE, PUT, OPEN = ("take", "put", "open")
 LOOK = "look"
 #: What the body comes to, and what has a place in the order besides.
 PLAYED = (*ENDS, PASS)
@@ -31,7 +31,7 @@ def visible_cues(context: bpy.types.Context, *kinds: str) -> list[bpy.types.Obje
 
 
 def ordered_cues(context: bpy.types.Context, start: bpy.types.Object | None = None) -> list[bpy.types.Object]:
-    """The visible sit, stop, pass, take, put and look cues in their order: by their numbers, then by name.
+    """The visible sit, stop, pass, take, put, open and look cues in their order: by their numbers, then by name.
 
     Those of the person who starts at `start`; else all but those of people whose start is hidden: these wait with it.
     """

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import bpy
 from mathutils import Vector
@@ -25,23 +26,35 @@ AROUND = 12
 
 
 def stand_before(
-    context: bpy.types.Context, place: Vector, come_from: Vector, metres_per_unit: float
+    context: bpy.types.Context,
+    place: Vector,
+    come_from: Vector,
+    metres_per_unit: float,
+    reaches: tuple[float, ...] = REACHES,
+    counts: Callable[[Vector], float | None] | None = None,
 ) -> tuple[Vector, Vector] | None:
     """A place on the floor of `come_from` from which a hand reaches `place`, and the direction to it; None where none
     is free. Scene units.
+
+    `reaches`: how far from it, metres, the best first. `counts`: what else counts against a place (world, metres),
+    metres, or None for one that cannot be.
     """
     unit, furniture = 1.0 / metres_per_unit, Furniture(context)
     back = Vector((come_from.x - place.x, come_from.y - place.y))
     begin = math.atan2(back.y, back.x)
     best: tuple[float, Vector] | None = None
-    for reach in REACHES:
+    for reach in reaches:
         for k in range(PLACES):
             turn = math.remainder(math.tau * k / PLACES, math.tau)
-            cost = abs(reach - REACHES[0]) + TURN_COUNTS * abs(turn) / math.pi
+            cost = abs(reach - reaches[0]) + TURN_COUNTS * abs(turn) / math.pi
             if best is not None and cost >= best[0]:
                 continue
             way = Vector((math.cos(begin + turn), math.sin(begin + turn), 0.0))
             spot = Vector((place.x, place.y, come_from.z)) + way * reach * unit
+            more = counts(spot * metres_per_unit) if counts is not None else 0.0
+            if more is None or (best is not None and cost + more >= best[0]):
+                continue
+            cost += more
             if _is_free(context, furniture, spot, unit):
                 best = cost, spot
     if best is None:

@@ -56,7 +56,7 @@ class Furniture:
         if not native.MISSING:
             self._own = find_character(context.scene, native.core.skeleton()) or self._own
         self._moved = {self._own, *cast} - {None}
-        #: What hands take is in nobody's way.
+        #: What hands take is in nobody's way, and what they open the core has as it stands by then.
         self._taken = set(_taken(context.view_layer))
         self._shown: dict[bpy.types.Object, bool] = {}
         #: Object → the persons whose it is. What is being found out counts as nobody's, so that circles end.
@@ -81,8 +81,8 @@ class Furniture:
         return min(names, default=None)
 
     def is_left_out(self, thing: bpy.types.Object) -> bool:
-        """Whether the character may walk through it: itself and its own, cues, outlines, what hands take, and what the
-        artist says."""
+        """Whether the character may walk through it: itself and its own, cues, outlines, what hands take or open,
+        and what the artist says."""
         return (
             thing in self._left_out
             or thing in self._taken
@@ -113,8 +113,9 @@ class Furniture:
 
 
 def _taken(view_layer: bpy.types.ViewLayer) -> list[bpy.types.Object]:
-    """What the visible Take cues have taken, with all that hangs on it."""
-    cues = [one for one in things_of(view_layer) if one.get(CUE_KEY) == "take" and is_shown(one, view_layer)]
+    """What the visible Take and Open cues have taken and opened, with all that hangs on it."""
+    kinds = ("take", "open")
+    cues = [one for one in things_of(view_layer) if one.get(CUE_KEY) in kinds and is_shown(one, view_layer)]
     taken = [thing for cue in cues if isinstance(thing := cue.get(THING_KEY), bpy.types.Object)]
     return [one for thing in taken for one in [thing, *thing.children_recursive]]
 

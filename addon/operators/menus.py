@@ -28,6 +28,8 @@ class ONCUE_MT_cues(bpy.types.Menu):
         for hand, text in (("left", "Take Left"), ("right", "Take Right"), ("both", "Take Both")):
             layout.operator("oncue.place_take", text=text).hand = hand
         layout.operator("oncue.place_put")
+        for hand, text in (("left", "Open Left"), ("right", "Open Right"), ("both", "Open Both")):
+            layout.operator("oncue.place_open", text=text).hand = hand
         layout.separator()
         layout.operator("oncue.show_ways")
 

@@ -7,6 +7,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
 from ..bridge import cue_objects, hand_reader, people, seat_finder, session
+from ..bridge.leaves import AXES
 from ..bridge.names import CUE_KEY
 from ..bridge.shown_cues import ordered_cues, person_of, several_starts
 from ..errors import SceneError
@@ -295,11 +296,63 @@ is out of reach, a Stop cue is placed before it"""
         cue_objects.place_put(context, place, scale)
 
 
+class ONCUE_OT_place_open(Button, bpy.types.Operator):
+    """Have the selected door, lid or drawer opened by a hand at the last Sit or Stop cue. Where that is out of reach, \
+a Stop cue is placed where nothing that opens runs into the person"""
+
+    bl_idname = "oncue.place_open"
+    bl_label = "Open"
+
+    hand: EnumProperty(
+        name="Hand",
+        description="Which hand opens it",
+        items=[
+            ("left", "Left", "The person's own left"),
+            ("right", "Right", "The person's own right"),
+            ("both", "Both", "Side by side, as at a wide lid"),
+        ],
+        default="right",
+        options={"SKIP_SAVE"},
+    )
+    how: EnumProperty(
+        name="Opens",
+        description="Whether it turns or slides",
+        items=[
+            ("auto", "As Found", "By its limits and locks, else about the edge on which its origin lies"),
+            ("hinge", "Turns", "About an axis through its origin"),
+            ("slide", "Slides", "Along an axis of its own"),
+        ],
+        options={"SKIP_SAVE"},
+    )
+    axis: EnumProperty(
+        name="Axis",
+        description="About or along which of its own axes",
+        items=[
+            ("auto", "As Found", "By its limits, locks or origin; what slides comes towards the person"),
+            ("X", "X", "The object's own X"),
+            ("Y", "Y", "The object's own Y"),
+            ("Z", "Z", "The object's own Z"),
+        ],
+        options={"SKIP_SAVE"},
+    )
+    amount: FloatProperty(
+        name="How Far",
+        description="Degrees, or metres; negative the other way. 0: as far as it can or usually is",
+        options={"SKIP_SAVE"},
+    )
+
+    def act(self, context: bpy.types.Context) -> None:
+        how = None if self.how == "auto" else self.how
+        axis = None if self.axis == "auto" else AXES.index(self.axis)
+        cue_objects.place_open(context, self.hand, how, axis, self.amount, context.scene.oncue.scene_scale)
+
+
 CLASSES = (
     *(ONCUE_OT_move_step, ONCUE_OT_select_cue, ONCUE_OT_be_here),
     *(ONCUE_OT_add_person, ONCUE_OT_give_to_person, ONCUE_OT_choose_person, ONCUE_OT_act_by),
     *(ONCUE_OT_place_cue, ONCUE_OT_sit_on_selection, ONCUE_OT_move_to_edge),
-    *(ONCUE_OT_place_foot, ONCUE_OT_place_hand, ONCUE_OT_place_take, ONCUE_OT_place_put, ONCUE_OT_place_look),
+    *(ONCUE_OT_place_foot, ONCUE_OT_place_hand, ONCUE_OT_place_take, ONCUE_OT_place_put, ONCUE_OT_place_open),
+    ONCUE_OT_place_look,
 )
 
 

@@ -7,7 +7,7 @@ import oncue_core
 import pytest
 from oncue_core import InputError, Library, Report
 
-from .geometry import sit_on_the_bench
+from .geometry import box, sit_on_the_bench
 from .test_types import faults
 
 
@@ -146,3 +146,34 @@ def test_a_thing_is_taken_and_put_down(bench_scene, library):
         oncue_core.perform(
             bench_scene, library, {**task, "things": [{**cup, "low": [0] * 3, "high": [1] * 3, "kg": 1}]}
         )
+
+
+def test_a_cupboard_is_opened(bench_scene, library):
+    """Its door of 40 cm before the stop, the hinge on the person's left."""
+    task = up_and_away()
+    corners, faces = box((-0.4, -0.01, -0.3), (0.0, 0.01, 0.3))
+    door = {"name": "Door", "position": [-0.45, -1.69, 1.0], "rotation": [1.0, 0.0, 0.0, 0.0]}
+    hinge = {"by": "hinge", "point": [0.0, 0.0, 0.0], "axis": [0.0, 0.0, -1.0]}
+    task["leaves"] = [{**door, "hung": hinge, "positions": corners.tolist(), "triangles": faces.tolist()}]
+    opens = {"does": "open", "name": "Open", "thing": "Door", "hand": "left", "by": {"degrees": 80.0}}
+    opens["grip"] = [-0.35, 0.04, 0.0]
+    task["steps"][1]["things"] = [opens]
+    performed = oncue_core.perform(bench_scene, library, task, seed=2).result()
+    report = performed.report
+    assert report["success"], report["problems"]
+    assert not list(faults(report, Report))
+    (told,), (leaf,) = report["opened"], performed.things
+    assert (leaf["name"], leaf["first_frame"]) == ("Door", told["taken"] + 6)
+    assert leaf["positions"] == pytest.approx(np.tile(door["position"], (len(leaf["positions"]), 1)), abs=1e-5)
+    # 80° about −Z: half of that is in the quaternion.
+    assert leaf["rotations"][-1] == pytest.approx([np.cos(np.radians(40)), 0, 0, -np.sin(np.radians(40))], abs=1e-5)
+    assert told["handle_cm"] < 1
+    assert told["body_cm"] == 0
+    # Two people have no door opened, and a door has to say which way it goes.
+    other = {"start": {"name": "Ben", "position": [2.0, -2.0, 0.0], "yaw": 0.0}}
+    other["steps"] = [{"cue": {"name": "There", "action_type": "stop", "position": [2.0, -1.0, 0.0], "yaw": 0.0}}]
+    with pytest.raises(InputError, match="‘Open’ opens ‘Door’, which is for one person alone"):
+        oncue_core.perform_together(bench_scene, library, [task, other]).result()
+    task["leaves"][0]["hung"] = {**hinge, "axis": [0.0, 0.0, 0.0]}
+    with pytest.raises(InputError, match="‘Open’ has ‘Start’ open ‘Door’, and which way that opens is unknown"):
+        oncue_core.perform(bench_scene, library, task).result()

@@ -92,8 +92,85 @@ class PutCue(TypedDict):
     yaw: NotRequired[float | None]
 
 
+class Hinge(TypedDict):
+    """What turns about a line of its own frame, metres: turns are positive about `axis` by the right hand's rule."""
+
+    by: Literal["hinge"]
+    point: Point | list[float]
+    axis: Point | list[float]
+
+
+class Slide(TypedDict):
+    """What slides along a direction of its own frame."""
+
+    by: Literal["slide"]
+    direction: Point | list[float]
+
+
+class Leaf(TypedDict):
+    """What a hand can open: a door, a lid, a drawer; no part of the scene, and in the way wherever it is.
+
+    `position`, `rotation` (w first): of its origin at first. `positions`, `triangles`: its mesh, in its frame, metres.
+    """
+
+    name: str
+    position: Point | list[float]
+    rotation: tuple[float, float, float, float] | list[float]
+    hung: Hinge | Slide
+    positions: NotRequired[list[list[float]]]
+    triangles: NotRequired[list[list[int]]]
+
+
+class Degrees(TypedDict):
+    """An amount about a hinge."""
+
+    degrees: float
+
+
+class Metres(TypedDict):
+    """An amount along a slide."""
+
+    metres: float
+
+
+class OpenCue(TypedDict):
+    """To open a leaf, or to close it. `thing`: the leaf's name. `by`: from where it is by then.
+
+    `grip`: where the palm takes hold of it, in its frame, metres. `over_seconds`: how long it moves; without it as long
+    as people take.
+    """
+
+    does: Literal["open"]
+    name: str
+    thing: str
+    hand: Literal["left", "right", "both"]
+    by: Degrees | Metres
+    grip: Point | list[float]
+    over_seconds: NotRequired[float | None]
+
+
+class OpenedFigures(TypedDict):
+    """What became of something that was opened. Frames: the palm has come to the handle, lets go, and it stands open.
+
+    `led`: the part of its way over which the hand led it, the rest it swung on. `handle_cm`: how far the palm was from
+    the handle. `arm_cm`, `body_cm`: how deep arms, but for the hand on it, and the rest of the body were in it.
+    """
+
+    leaf: str
+    open: str
+    hand: Literal["left", "right", "both"]
+    taken: int
+    let_go: int
+    opened: int
+    led: float
+    handle_cm: float
+    arm_cm: float
+    body_cm: float
+
+
 class CarriedThing(TypedDict):
-    """Where a thing was from the motion's frame on which it was taken until it stood again, or the motion's end.
+    """Where a thing was from the motion's frame on which it was taken, or a leaf from that on which it began to open,
+    until it stood again, or the motion's end.
 
     `positions`: of its origin, (n, 3), world, metres. `rotations`: (n, 4), world, w first.
     """
@@ -130,8 +207,8 @@ class Step(TypedDict):
     `hold_seconds`: how long the person stays; without it as long as it takes to go on, and at the end as the settings
     say. `at_seconds`: when the cue is to be met, seconds from the performance's first frame.
     `passes`: what the way to the cue leads through, in order. `manipulations`: their first frames are those of the
-    whole performance. `things`: what is taken and put down there, one after the other. The person stays until the hands
-    are done.
+    whole performance. `things`: what is taken, put down and opened there, one after the other. The person stays until
+    the hands are done.
     """
 
     passes: NotRequired[list[PassCue]]
@@ -139,7 +216,7 @@ class Step(TypedDict):
     hold_seconds: NotRequired[float | None]
     at_seconds: NotRequired[float | None]
     manipulations: NotRequired[list[ManipulationCue]]
-    things: NotRequired[list[TakeCue | PutCue]]
+    things: NotRequired[list[TakeCue | PutCue | OpenCue]]
 
 
 class LookCue(TypedDict):
@@ -158,11 +235,12 @@ class LookCue(TypedDict):
 
 class Performance(TypedDict):
     """What one person is asked to do: a start, and cues that are met one after the other. `things`: what can be taken.
-    `looks`: what is looked at meanwhile."""
+    `leaves`: what can be opened. `looks`: what is looked at meanwhile."""
 
     start: InitialState
     steps: list[Step]
     things: NotRequired[list[Thing]]
+    leaves: NotRequired[list[Leaf]]
     looks: NotRequired[list[LookCue]]
 
 
@@ -904,6 +982,7 @@ class Report(TypedDict):
     action_from: int | None
     steps: NotRequired[list[StepReport]]
     things: NotRequired[list[ThingFigures]]
+    opened: NotRequired[list[OpenedFigures]]
     looks: NotRequired[list[LookReport]]
     others: NotRequired[OthersFigures]
     foot: FootFigures

@@ -112,7 +112,13 @@ pub fn find_ways(scene: &SceneIndex, task: Asked<'_>) -> PyResult<Job> {
             let Task { start, passes, cue, manipulations } = json::from_dict("task", &dict)?;
             let step =
                 Step { passes, cue, hold_seconds: None, at_seconds: None, manipulations, things: Vec::new() };
-            vec![Performance { start, steps: vec![step], things: Vec::new(), looks: Vec::new() }]
+            vec![Performance {
+                start,
+                steps: vec![step],
+                things: Vec::new(),
+                leaves: Vec::new(),
+                looks: Vec::new(),
+            }]
         }
         Asked::OfSeveral(people) => performances_of(&people)?,
     };

@@ -165,8 +165,13 @@ fn measuring(
                 .transpose()?;
             progress.stage("Measuring");
             let moving = built(&moving, progress)?;
-            let around =
-                Around { scene: scene.as_deref(), moving: &moving, wait, database: database.as_deref() };
+            let around = Around {
+                scene: scene.as_deref(),
+                moving: &moving,
+                leaves: &[],
+                wait,
+                database: database.as_deref(),
+            };
             Ok(measure(&around, &settings))
         },
         |py, measured| Ok(json::to_python(py, &measured)?.unbind()),

@@ -46,7 +46,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         match synthesize(&scene, &database, &case.task, None, &case.settings, case.seed, &progress) {
             Ok(done) => {
                 println!("{}", row(case.name, &done.report.body));
-                let surroundings = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::default() };
+                let surroundings =
+                    Surroundings { scene: &scene, moving: &[], ignore_below: 0.1, seats: Seats::default() };
                 let known = database.known_poses();
                 let took = |measure: &dyn Fn()| {
                     let begun = std::time::Instant::now();

@@ -65,8 +65,13 @@ fn main() -> Result<(), AnyError> {
                 things: Vec::new(),
             });
         }
-        let performance =
-            Performance { start: room[0].task.start.clone(), steps, things: Vec::new(), looks: Vec::new() };
+        let performance = Performance {
+            start: room[0].task.start.clone(),
+            steps,
+            things: Vec::new(),
+            leaves: Vec::new(),
+            looks: Vec::new(),
+        };
         let begun = Instant::now();
         let made =
             match perform(None, &scene, &database, &performance, None, None, &settings, seed, &progress) {

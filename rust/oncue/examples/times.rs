@@ -56,6 +56,7 @@ fn main() -> Result<(), AnyError> {
                 start: row.task.start.clone(),
                 steps: vec![step],
                 things: Vec::new(),
+                leaves: Vec::new(),
                 looks: Vec::new(),
             };
             perform(None, &scene, &database, &performance, earlier, None, &settings, seed, &progress)

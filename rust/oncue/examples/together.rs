@@ -64,7 +64,13 @@ fn main() -> Result<(), AnyError> {
                         manipulations: Vec::new(),
                         things: Vec::new(),
                     };
-                    Performance { start, steps: vec![step], things: Vec::new(), looks: Vec::new() }
+                    Performance {
+                        start,
+                        steps: vec![step],
+                        things: Vec::new(),
+                        leaves: Vec::new(),
+                        looks: Vec::new(),
+                    }
                 })
                 .collect();
             let places: Vec<Vec3> = both.iter().flat_map(Performance::places).collect();
@@ -109,6 +115,7 @@ fn hall(people: usize, settings: &Settings) -> Result<(SceneIndex, Vec<Performan
                 things: Vec::new(),
             }],
             things: Vec::new(),
+            leaves: Vec::new(),
             looks: Vec::new(),
         }
     });

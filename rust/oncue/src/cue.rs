@@ -302,7 +302,83 @@ pub struct PutCue {
     pub yaw: Option<f32>,
 }
 
-/// What is done with a thing.
+/// How a leaf hangs, in its own frame.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "by", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Hung {
+    /// It turns about a line.
+    Hinge {
+        /// A place on it, metres.
+        point: Vec3,
+        /// Its direction: turns are positive about it by the right hand's rule.
+        axis: Vec3,
+    },
+    /// It slides.
+    Slide {
+        /// Where to.
+        direction: Vec3,
+    },
+}
+
+/// What a hand can open: a door, a lid, a drawer. It is no part of the scene that the person is in, and in the way wherever it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Leaf {
+    /// Its name, for cues and messages.
+    pub name: String,
+    /// Where its origin is at first, world, metres.
+    pub position: Vec3,
+    /// How it is turned at first: a unit quaternion, w first, world.
+    pub rotation: [f32; 4],
+    /// What it turns about, or where it slides to.
+    pub hung: Hung,
+    /// The corners of its mesh, in its own frame, metres.
+    #[serde(default)]
+    pub positions: Vec<Vec3>,
+    /// Its triangles, by their corners' places in `positions`.
+    #[serde(default)]
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// How far a leaf is opened.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Amount {
+    /// About its hinge.
+    Degrees(f32),
+    /// Along its slide.
+    Metres(f32),
+}
+
+impl Amount {
+    /// The number alone.
+    pub fn number(self) -> f32 {
+        match self {
+            Amount::Degrees(number) | Amount::Metres(number) => number,
+        }
+    }
+}
+
+/// To open a leaf, or to close it again, at a step's cue: the hand comes to its handle, leads it, and lets go.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct OpenCue {
+    /// The name the artist gave it, for messages.
+    pub name: String,
+    /// The leaf's name.
+    pub thing: String,
+    /// Which hand opens it.
+    pub hand: Hand,
+    /// How far, from where it is by then.
+    pub by: Amount,
+    /// Where the palm takes hold of it, in the leaf's frame, metres.
+    pub grip: Vec3,
+    /// How long it moves, seconds; without it as long as people take.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub over_seconds: Option<f32>,
+}
+
+/// What is done with a thing, or a leaf.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "does", rename_all = "snake_case")]
 pub enum ThingCue {
@@ -310,6 +386,8 @@ pub enum ThingCue {
     Take(TakeCue),
     /// It is put down.
     Put(PutCue),
+    /// It is opened.
+    Open(OpenCue),
 }
 
 impl ThingCue {
@@ -318,14 +396,16 @@ impl ThingCue {
         match self {
             ThingCue::Take(take) => &take.name,
             ThingCue::Put(put) => &put.name,
+            ThingCue::Open(open) => &open.name,
         }
     }
 
-    /// The thing's name.
+    /// The name of the thing, or of the leaf.
     pub fn thing(&self) -> &str {
         match self {
             ThingCue::Take(take) => &take.thing,
             ThingCue::Put(put) => &put.thing,
+            ThingCue::Open(open) => &open.thing,
         }
     }
 }
@@ -349,7 +429,7 @@ pub struct Step {
     /// stays at the cue until they are done.
     #[serde(default)]
     pub manipulations: Vec<ManipulationCue>,
-    /// What is taken and put down there, one after the other, and before hands follow paths that have no frame of their own.
+    /// What is taken, put down and opened there, one after the other, and before hands follow paths that have no frame of their own.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub things: Vec<ThingCue>,
 }
@@ -381,9 +461,19 @@ pub struct Performance {
     /// What can be taken.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub things: Vec<Thing>,
+    /// What can be opened.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub leaves: Vec<Leaf>,
     /// What the person looks at meanwhile.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub looks: Vec<LookCue>,
+}
+
+impl Step {
+    /// What is opened there, one after the other.
+    pub(crate) fn openings(&self) -> impl Iterator<Item = &OpenCue> {
+        self.things.iter().filter_map(|cue| if let ThingCue::Open(open) = cue { Some(open) } else { None })
+    }
 }
 
 impl Performance {

@@ -92,12 +92,12 @@ pub mod ways;
 
 pub use action::{ActionLabel, ActionType};
 pub use cue::{
-    ActionCue, BodyState, CueKind, Hand, InitialState, LookCue, ManipulationCue, Moments, PassCue,
-    Performance, PutCue, Step, TakeCue, Task, Thing, ThingCue,
+    ActionCue, Amount, BodyState, CueKind, Hand, Hung, InitialState, Leaf, LookCue, ManipulationCue, Moments,
+    OpenCue, PassCue, Performance, PutCue, Step, TakeCue, Task, Thing, ThingCue,
 };
 pub use error::{Error, Result};
 pub use glam;
-pub use hands::{CarriedThing, ThingFigures};
+pub use hands::{CarriedThing, OpenedFigures, ThingFigures};
 pub use job::Job;
 pub use library::{MotionDatabase, MotionLibrary};
 pub use motion::{Motion, Posture};

@@ -374,15 +374,14 @@ pub fn penetration_figures(
     ignore_below: f32,
     seats: &Seats,
 ) -> PenetrationFigures {
-    penetration_among(motion, scene, &[], 0, floor, ignore_below, seats)
+    penetration_among(motion, scene, &[], floor, ignore_below, seats)
 }
 
-/// The same, also in what moves, each frame in where it stands `wait` frames later.
+/// The same, also in what moves: each with how many frames later it is where it is met.
 pub fn penetration_among(
     motion: &Motion,
     scene: &SceneIndex,
-    moving: &[MovingObject],
-    wait: usize,
+    moving: &[(&[MovingObject], usize)],
     floor: f32,
     ignore_below: f32,
     seats: &Seats,
@@ -396,7 +395,7 @@ pub fn penetration_among(
         let mut all = scene.body_intersections(&pose, above);
         let sits = seats.at(frame);
         let mut counts = sits.map_or(all, |seat| scene.seated_intersections(&pose, above, seat));
-        for object in moving {
+        for (object, wait) in moving.iter().flat_map(|(all, wait)| all.iter().map(move |one| (one, wait))) {
             let more = object.body_intersections(&pose, frame + wait, above);
             for (i, node) in BODY_BOXES.iter().enumerate() {
                 all[i] += more[i];
@@ -622,7 +621,7 @@ mod tests {
                 .expect("a board")
         };
         let whole = |at: usize, wait: usize, seats| {
-            penetration_among(&motion, &scene, &[board(at)], wait, 0.0, 0.1, &seats).whole_body_percent
+            penetration_among(&motion, &scene, &[(&[board(at)], wait)], 0.0, 0.1, &seats).whole_body_percent
         };
         close(whole(1, 0, Seats::default()), 100.0 / 3.0);
         close(whole(0, 0, Seats::default()), 0.0);
@@ -633,12 +632,12 @@ mod tests {
         // Thighs may lie on what has moved, once one sits.
         close(whole(1, 0, Seats::taken(0, 0.70)), 0.0);
         close(whole(1, 0, Seats::taken(2, 0.70)), 100.0 / 3.0);
-        let legs =
-            penetration_among(&motion, &scene, &[board(1)], 0, 0.0, 0.1, &Seats::taken(0, 0.70)).legs_percent;
+        let legs = penetration_among(&motion, &scene, &[(&[board(1)], 0)], 0.0, 0.1, &Seats::taken(0, 0.70))
+            .legs_percent;
         close(legs, 100.0 / 3.0);
         // What lies on the floor is stepped over.
         close(
-            penetration_among(&motion, &scene, &[board(1)], 0, 0.7, 0.1, &Seats::default())
+            penetration_among(&motion, &scene, &[(&[board(1)], 0)], 0.7, 0.1, &Seats::default())
                 .whole_body_percent,
             0.0,
         );

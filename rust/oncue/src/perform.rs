@@ -10,8 +10,9 @@ use crate::cue::{ActionCue, BodyState, InitialState, LookCue, Moments, Performan
 use crate::editor::check_manipulations;
 use crate::error::{Error, Result};
 use crate::figures::{Company, Other, StyleValues, Surroundings};
+use crate::hands::leaf::{Phases, check_openings};
 use crate::hands::things::check_things;
-use crate::hands::{CarriedThing, Hands};
+use crate::hands::{CarriedThing, Hands, unopened};
 use crate::library::database::MotionDatabase;
 use crate::life::{Gaze, GazeFigures, Pause, look, pause};
 use crate::manifold::Manifold;
@@ -94,20 +95,23 @@ pub fn perform(
 ) -> Result<Performed> {
     settings.validate()?;
     progress.stage("Checking the cues");
-    check_performance(scene, performance)?;
+    check_steps(performance)?;
+    let phases = Phases::of(scene, performance, progress)?;
+    check_in(&phases, performance)?;
     let means = Means { manifold, scene, database, stored, settings, seed, progress };
     let earlier: Vec<&Performed> = earlier.into_iter().collect();
-    perform_among(&means, performance, &earlier, &[])
+    perform_among(&means, performance, &phases, &earlier, &[])
 }
 
 /// The same of a performance that was checked, among others whose motions are there.
 pub(crate) fn perform_among(
     means: &Means,
     performance: &Performance,
+    phases: &Phases,
     earlier: &[&Performed],
     others: &[Other],
 ) -> Result<Performed> {
-    let &Means { scene, database, settings, seed, progress, .. } = means;
+    let &Means { database, settings, seed, progress, .. } = means;
     let mut steps: Vec<PerformedStep> = Vec::new();
     let mut stopped = None;
     let mut start = performance.start.clone();
@@ -117,7 +121,8 @@ pub(crate) fn perform_among(
     for (at, step) in performance.steps.iter().enumerate() {
         let is_last = at + 1 == performance.steps.len();
         let hold_seconds = hold_seconds(step, is_last, settings);
-        let key = next_key(before, step, hold_seconds);
+        let scene = phases.before(at);
+        let key = next_key(before, step, hold_seconds, phases.differ().then(|| scene.fingerprint()));
         before = key;
         let known = earlier.iter().filter_map(|e| e.steps.get(at)).find(|known| known.key == key);
         let Step { passes, cue, .. } = step.clone();
@@ -127,7 +132,7 @@ pub(crate) fn perform_among(
             None => {
                 let mut settings = settings.clone();
                 settings.synthesizer.hold_seconds = hold_seconds;
-                let means = Means { settings: &settings, seed: step_seed(seed, at), ..*means };
+                let means = Means { scene, settings: &settings, seed: step_seed(seed, at), ..*means };
                 means.step(&task, others, begins, is_last, steps.last())
             }
         });
@@ -151,10 +156,15 @@ pub(crate) fn perform_among(
         if !ended {
             break;
         }
+        // Nobody walks on through what was not opened.
+        stopped = if is_last { None } else { unopened(performance, at, &steps[at].made.motion) };
+        if stopped.is_some() {
+            break;
+        }
     }
     let floor = performance.start.position.z;
-    let timing = Timing { scene, database, settings, floor, progress };
-    joined(&timing, means.manifold, performance, steps, stopped, seed)
+    let timing = Timing { scene: phases.without(), database, settings, floor, progress };
+    joined(&timing, means.manifold, performance, phases, steps, stopped, seed)
 }
 
 /// Refuses paths of hands that can be seen not to be followed at a step's cue.
@@ -395,7 +405,13 @@ fn blended(one: &Posture, other: &Posture, part: f32) -> Posture {
 /// `Input` or `Unreachable`, naming the cue.
 pub fn check_performance(scene: &SceneIndex, performance: &Performance) -> Result<()> {
     check_steps(performance)?;
-    tasks_of(performance).iter().try_for_each(|task| check_task(scene, task))?;
+    check_in(&Phases::of(scene, performance, &Progress::new())?, performance)
+}
+
+/// The part of it for which the scene is needed, as it stands on the way to each cue; and times.
+fn check_in(phases: &Phases, performance: &Performance) -> Result<()> {
+    let tasks = tasks_of(performance);
+    tasks.iter().enumerate().try_for_each(|(at, task)| check_task(phases.before(at), task))?;
     check_times(performance)
 }
 
@@ -430,7 +446,8 @@ pub(crate) fn check_steps(performance: &Performance) -> Result<()> {
             )));
         }
     }
-    check_things(performance)
+    check_things(performance)?;
+    check_openings(performance)
 }
 
 /// A performance's steps, each begun by whoever has met the cue before.
@@ -488,11 +505,12 @@ fn first_key(means: &Means, performance: &Performance, others: &[Other]) -> blak
     key
 }
 
-fn next_key(before: blake3::Hash, step: &Step, hold_seconds: f32) -> blake3::Hash {
+/// `stands`: of the scene as it stands then, where it does not always stand so.
+fn next_key(before: blake3::Hash, step: &Step, hold_seconds: f32, stands: Option<&str>) -> blake3::Hash {
     // Whenever it is asked for, and whatever hands do there, it is played the same.
     let step = Step { at_seconds: None, manipulations: Vec::new(), things: Vec::new(), ..step.clone() };
     let step = serde_json::to_vec(&(step, hold_seconds)).unwrap_or_default();
-    blake3::hash(&[before.as_bytes(), step.as_slice()].concat())
+    blake3::hash(&[before.as_bytes(), step.as_slice(), stands.unwrap_or_default().as_bytes()].concat())
 }
 
 /// The motions of all steps as one, each at its time, and what is told of it.
@@ -500,6 +518,7 @@ fn joined(
     timing: &Timing,
     manifold: Option<&Manifold>,
     performance: &Performance,
+    phases: &Phases,
     steps: Vec<PerformedStep>,
     stopped: Option<String>,
     seed: u64,
@@ -514,10 +533,11 @@ fn joined(
         steps.iter().zip(&performance.steps).enumerate()
     {
         let first_frame = motion.len().saturating_sub(1) + stays;
+        let timing = Timing { scene: phases.before(at), ..*timing };
         let timed = timing.timed(made, step, start, first_frame, step_seed(seed, at))?;
         if stays > 0 {
             let before = start.body.as_ref().map(|body| body.postures[0]);
-            let around = Surroundings::at_start(scene, start);
+            let around = Surroundings::at_start(timing.scene, start);
             let seed = step_seed(seed, at) ^ HANDS_SEED;
             append(&mut motion, &timing.rest(&timed.motion, before, around, stays, seed)?);
             // The rest ends where the step begins.
@@ -555,7 +575,8 @@ fn joined(
     if stays > 0 {
         let end = motion.len() - 1;
         let here = Motion { postures: vec![motion.postures[end]], contacts: vec![motion.contacts[end]] };
-        let around = Surroundings::at_end(scene, &performance.steps[steps.len() - 1].cue);
+        let around =
+            Surroundings::at_end(phases.before(steps.len()), &performance.steps[steps.len() - 1].cue);
         let before = motion.postures[end.saturating_sub(1)];
         let seed = step_seed(seed, steps.len()) ^ HANDS_SEED;
         append(&mut motion, &timing.rest(&here, Some(before), around, stays + 1, seed)?);
@@ -565,7 +586,8 @@ fn joined(
     let looks = looked(&mut motion, timing, performance, &moments)?;
     let done = hands.follow(&mut motion, &around, manifold, progress)?;
     progress.stage("Measuring");
-    let around = Around { scene: Some(scene), moving: &[], wait: 0, database: Some(database) };
+    let around =
+        Around { scene: Some(scene), moving: &[], leaves: &done.leaves, wait: 0, database: Some(database) };
     let measured = measure_performance(&motion, &around, performance, &moments, settings);
     let mut problems: Vec<String> = steps.iter().flat_map(|step| step.made.not_done.clone()).collect();
     problems.extend(stopped.into_iter().chain(unplayed(performance, steps.len())));
@@ -595,6 +617,7 @@ fn joined(
         style: StyleValues::of(&motion, performance.start.position.z, &spans).medians(),
         edited: done.edited,
         things: done.things,
+        opened: done.opened,
         frames: motion.len(),
         path_m: all().map(|r| r.path_m).sum(),
         shortest_path_m: all().map(|r| r.shortest_path_m).sum(),

@@ -8,7 +8,7 @@ use crate::controller::optimize::UpdateFigures;
 use crate::cue::Moments;
 use crate::editor::TaskEditFigures;
 use crate::figures::{BodyFigures, OthersFigures, StyleFigures};
-use crate::hands::ThingFigures;
+use crate::hands::{OpenedFigures, ThingFigures};
 use crate::metrics::{FootFigures, PenetrationFigures, Residual, SpeedFigures};
 use crate::settings::Settings;
 
@@ -117,6 +117,9 @@ pub struct Report {
     /// What became of things that were taken; empty where none was.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub things: Vec<ThingFigures>,
+    /// What hands opened; empty where there was nothing.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub opened: Vec<OpenedFigures>,
     /// What the person was to look at; missing where that is nothing.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub looks: Vec<LookReport>,

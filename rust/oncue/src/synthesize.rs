@@ -178,8 +178,13 @@ pub(crate) fn synthesize_among(
     laps.done("edit");
 
     progress.stage("Measuring");
-    let around =
-        Around { scene: Some(stays.unwrap_or(scene)), moving: &[], wait: 0, database: Some(database) };
+    let around = Around {
+        scene: Some(stays.unwrap_or(scene)),
+        moving: &[],
+        leaves: &[],
+        wait: 0,
+        database: Some(database),
+    };
     let measured = measure(&motion, &around, task, &moments, settings);
     let Measured { cues, foot, penetration, body, .. } = measured;
     let sits = kept.end == EpisodeEnd::Complete && task.cue.seat_height().is_some();
@@ -210,6 +215,7 @@ pub(crate) fn synthesize_among(
         action_from: moments.action_from,
         steps: Vec::new(),
         things: Vec::new(),
+        opened: Vec::new(),
         looks: Vec::new(),
         others: None,
         foot,
@@ -278,6 +284,8 @@ pub struct Around<'a> {
     pub scene: Option<&'a SceneIndex>,
     /// What moves: `penetration` alone counts it.
     pub moving: &'a [MovingObject],
+    /// What hands open, on the motion's frames: counted wherever the scene is.
+    pub leaves: &'a [MovingObject],
     /// Frames that the person waits before the motion begins.
     pub wait: usize,
     /// The library that the motion is made of, from whose poses its own are told apart.
@@ -338,9 +346,11 @@ fn measure_cues(
 ) -> Measured {
     let penetration = around.scene.map(|scene| {
         let ignore_below = settings.reward.ignore_below;
-        penetration_among(motion, scene, around.moving, around.wait, floor, ignore_below, &seats)
+        let moving = [(around.moving, around.wait), (around.leaves, 0)];
+        penetration_among(motion, scene, &moving, floor, ignore_below, &seats)
     });
-    let surroundings = around.scene.map(|scene| Surroundings::with(scene, seats));
+    let surroundings =
+        around.scene.map(|scene| Surroundings { moving: around.leaves, ..Surroundings::with(scene, seats) });
     let mut body = body_figures(motion, floor, surroundings.as_ref());
     body.pose_distance =
         around.database.map(|database| pose_distance_figures(motion, database.known_poses(), around.scene));

@@ -10,6 +10,7 @@ use crate::controller::StoredPolicy;
 use crate::cue::{ActionCue, Performance};
 use crate::error::{Error, Result};
 use crate::figures::{Other, others_figures};
+use crate::hands::leaf::Phases;
 use crate::library::database::MotionDatabase;
 use crate::manifold::Manifold;
 use crate::math::planar::rotate;
@@ -75,7 +76,8 @@ pub fn perform_together(
         let seed = if turn == 0 { seed } else { seed_of(seed, place(at)) };
         let means = Means { manifold, scene, database, stored, settings, seed, progress };
         progress.person((performances.len() > 1).then_some(name));
-        let one = perform_among(&means, performance, earlier, &others);
+        let phases = Phases::of(scene, performance, progress)?;
+        let one = perform_among(&means, performance, &phases, earlier, &others);
         if matches!(one, Err(Error::Cancelled)) {
             return Err(Error::Cancelled);
         }
@@ -132,6 +134,15 @@ pub(crate) fn check_people(performances: &[Performance]) -> Result<()> {
             return Err(Error::input(format!(
                 "{}: ‘{}’ is asked for at a time, which is for one person alone; take its time away, or hide the other starts.",
                 performance.start.name, timed.cue.name
+            )));
+        }
+    }
+    for performance in performances.iter().filter(|_| performances.len() > 1) {
+        // What one opens the others would have to find open.
+        if let Some(open) = performance.steps.iter().flat_map(|step| step.openings()).next() {
+            return Err(Error::input(format!(
+                "{}: ‘{}’ opens ‘{}’, which is for one person alone; take it away, or hide the other starts.",
+                performance.start.name, open.name, open.thing
             )));
         }
     }

@@ -10,7 +10,9 @@ use serde::{Deserialize, Serialize};
 use crate::action::Approach;
 use crate::cue::{Performance, Task};
 use crate::error::Error;
+use crate::hands::leaf::Phases;
 use crate::perform::{check_steps, tasks_of};
+use crate::progress::Progress;
 use crate::scene::{ClearPath, Misfit, SceneIndex, Way, way_of};
 use crate::timing::check_times;
 use crate::together::check_people;
@@ -54,9 +56,13 @@ pub struct StepWay {
 pub fn ways(scene: &SceneIndex, performances: &[Performance]) -> Ways {
     let people: Vec<PersonWays> = performances
         .par_iter()
-        .map(|performance| PersonWays {
-            start: performance.start.name.clone(),
-            steps: tasks_of(performance).par_iter().map(|task| step_way(scene, task)).collect(),
+        .map(|performance| {
+            // What cannot be opened is said where the whole is checked.
+            let phases = Phases::of(scene, performance, &Progress::new()).ok();
+            let stands = |step: usize| phases.as_ref().map_or(scene, |phases| phases.before(step));
+            let tasks = tasks_of(performance);
+            let ways = tasks.par_iter().enumerate().map(|(at, task)| step_way(stands(at), task));
+            PersonWays { start: performance.start.name.clone(), steps: ways.collect() }
         })
         .collect();
     let is_clear = people.iter().flat_map(|person| &person.steps).all(|step| step.problem.is_none());
@@ -146,8 +152,9 @@ mod tests {
         Performance {
             start: InitialState::standing("Start", Vec3::new(x, y, 0.0), 0.0),
             steps,
-            looks: Vec::new(),
             things: Vec::new(),
+            leaves: Vec::new(),
+            looks: Vec::new(),
         }
     }
 

@@ -165,6 +165,7 @@ fn performance() -> Performance {
             step(vec![by("Back", 1.3, 0.4)], cue("There", ActionType::Stop, [0.6, -1.6, 0.0], 1.5), None),
         ],
         things: Vec::new(),
+        leaves: Vec::new(),
         looks: Vec::new(),
     }
 }
@@ -202,7 +203,7 @@ fn a_waypoint_that_is_missed_is_told() {
     let mut elsewhere = task.clone();
     elsewhere.passes[1].position.x -= 0.4;
     let moments = Moments { complete: made.report.cues[2].frame, ..Default::default() };
-    let around = Around { scene: None, moving: &[], wait: 0, database: None };
+    let around = Around { scene: None, moving: &[], leaves: &[], wait: 0, database: None };
     let measured = |task: &Task| measure(&made.motion, &around, task, &moments, &Settings::default());
     assert_eq!(measured(&task).cues, made.report.cues);
     let missed = measured(&elsewhere);

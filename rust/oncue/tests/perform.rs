@@ -69,6 +69,7 @@ fn performance() -> Performance {
             step("Right", ActionType::Sit, [0.45, 2.12, 0.55], 0.0, None),
         ],
         things: Vec::new(),
+        leaves: Vec::new(),
         looks: Vec::new(),
     }
 }
@@ -247,8 +248,9 @@ fn a_chair_at_its_desk_is_left_by_the_side() {
             step("Desk", ActionType::Sit, [0.0, 0.02, 0.55], 0.0, Some(1.0)),
             step("Away", ActionType::Stop, [-1.6, 1.4, 0.0], 2.5, None),
         ],
-        looks: Vec::new(),
         things: Vec::new(),
+        leaves: Vec::new(),
+        looks: Vec::new(),
     };
     let made =
         perform(None, &scene, database(), &asked, None, None, &settings, 1, &Progress::new()).expect("made");

@@ -84,6 +84,7 @@ fn carries(thing: &Thing, hand: Hand, to: [f32; 3], yaw: Option<f32>) -> Perform
             step("Low", ActionType::Stop, [-1.2, -0.2, 0.0], -quarter, vec![put(thing, to, yaw)]),
         ],
         things: vec![thing.clone()],
+        leaves: Vec::new(),
         looks: Vec::new(),
     }
 }

@@ -79,6 +79,7 @@ fn walk(name: &str, from: [f32; 2], to: [f32; 2]) -> Performance {
         start: InitialState::standing(name, Vec2::from(from).extend(0.0), yaw),
         steps: vec![step(&format!("{name}'s stop"), ActionType::Stop, [to[0], to[1], 0.0], yaw)],
         things: Vec::new(),
+        leaves: Vec::new(),
         looks: Vec::new(),
     }
 }
@@ -325,7 +326,13 @@ fn two_play_in_a_real_room(rooms: &Path) {
                 manipulations: Vec::new(),
                 things: Vec::new(),
             };
-            Performance { start, steps: vec![step], things: Vec::new(), looks: Vec::new() }
+            Performance {
+                start,
+                steps: vec![step],
+                things: Vec::new(),
+                leaves: Vec::new(),
+                looks: Vec::new(),
+            }
         })
         .collect();
     let places: Vec<Vec3> = people.iter().flat_map(Performance::places).collect();

@@ -266,7 +266,9 @@ impl Touches<'_> {
             let seen_before = part
                 .hangs_from()
                 .is_some_and(|before| around.counted_from(before, frame, self.room.floor) <= above);
-            for contact in around.scene.contacts_of(&capsule, above) {
+            let moving = around.moving.iter().filter(|object| !object.is_held_by(part, frame));
+            let in_them = moving.flat_map(|object| object.contacts_of(&capsule, frame, above));
+            for contact in around.scene.contacts_of(&capsule, above).into_iter().chain(in_them) {
                 // An elbow, a wrist or a knee is the far end of what it hangs from, which knows from which side it came.
                 if !contact.through && contact.part < NEAR_END && seen_before {
                     continue;
@@ -361,7 +363,8 @@ mod tests {
     /// What is left of a seated motion in `boxes`, and how far pelvis, an ankle and a toe moved at most, metres.
     fn freed(boxes: &[([f32; 3], [f32; 3])], before: &Motion) -> (Motion, [f32; 2], f32) {
         let scene = room(boxes);
-        let around = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::taken(0, 0.45) };
+        let around =
+            Surroundings { scene: &scene, moving: &[], ignore_below: 0.1, seats: Seats::taken(0, 0.45) };
         let mut after = before.clone();
         let room = Room { around: Some(&around), floor: 0.0, continues: false };
         free_body(&mut after, room, 0, &Progress::new()).expect("not cancelled");
@@ -502,7 +505,7 @@ mod tests {
         let top = wrist.z - 0.03;
         let edge = wrist.y - 0.03;
         let scene = room(&[([-1.0, edge - 1.0, top - 0.04], [1.0, edge, top])]);
-        let around = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::default() };
+        let around = Surroundings { scene: &scene, moving: &[], ignore_below: 0.1, seats: Seats::default() };
         let before = motion.clone();
         assert!(deepest_in(&before, &around) > 4.0, "{}", deepest_in(&before, &around));
         let room = Room { around: Some(&around), floor: 0.0, continues: false };
@@ -598,7 +601,7 @@ mod tests {
             posture.rotations[Joint::LeftArm.index()] = Quat::from_rotation_y(FRAC_PI_2 - 0.3);
             posture.rotations[Joint::RightArm.index()] = Quat::from_rotation_y(-1.25);
         }
-        let around = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::default() };
+        let around = Surroundings { scene: &scene, moving: &[], ignore_below: 0.1, seats: Seats::default() };
         let deepest = |motion: &Motion| deepest_in(motion, &around);
         assert!(deepest(&motion) > 6.0, "{}", deepest(&motion));
         let room = Room { around: Some(&around), floor: 0.0, continues: false };

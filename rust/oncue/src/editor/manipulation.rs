@@ -36,7 +36,7 @@ const STILL: f32 = 0.004;
 /// For a cue nobody waits longer than this, seconds: a range so late is a slip of the keyboard.
 pub(crate) const LONGEST_WAIT: f32 = 120.0;
 /// No palm gets farther from the pelvis than this, metres: a trunk, an arm and a hand, stretched.
-const FARTHEST_PALM: f32 = 1.33;
+pub(crate) const FARTHEST_PALM: f32 = 1.33;
 
 /// Where a cue's path came to lie in the motion.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

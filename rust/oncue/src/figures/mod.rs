@@ -34,7 +34,7 @@ use serde::{Deserialize, Serialize};
 use crate::cue::{ActionCue, InitialState, Moments, Task};
 use crate::library::MotionLibrary;
 use crate::motion::{Motion, Pose, Posture};
-use crate::scene::{SEAT_GIVE, SceneIndex};
+use crate::scene::{MovingObject, SEAT_GIVE, SceneIndex};
 use crate::seats::Seats;
 
 /// What an eye sees first in a motion.
@@ -58,6 +58,8 @@ pub struct BodyFigures {
 pub struct Surroundings<'a> {
     /// The scene.
     pub scene: &'a SceneIndex,
+    /// What moves in it, on the motion's frames.
+    pub moving: &'a [MovingObject],
     /// What lies lower over the floor is not counted, metres.
     pub ignore_below: f32,
     /// What carries pelvis and thighs, and when.
@@ -82,7 +84,7 @@ impl<'a> Surroundings<'a> {
 
     /// What is higher than a rug counts, whatever the paper leaves out of its penetration: a foot in a plinth of 7 cm is seen.
     pub(crate) fn with(scene: &'a SceneIndex, seats: Seats) -> Self {
-        Self { scene, ignore_below: scene.settings().carpet_height, seats }
+        Self { scene, moving: &[], ignore_below: scene.settings().carpet_height, seats }
     }
 
     /// World height from which on the scene counts for a part of the body in a frame, metres.

@@ -110,9 +110,12 @@ pub(crate) fn in_scene(
     body_capsules(pose)
         .into_iter()
         .filter_map(|(part, capsule)| {
-            let contact =
-                surroundings.scene.depth_of(&capsule, surroundings.counted_from(part, frame, floor))?;
-            Some((part, contact.depth, contact.place))
+            let above = surroundings.counted_from(part, frame, floor);
+            let moving = surroundings.moving.iter().filter(|object| !object.is_held_by(part, frame));
+            let in_them = moving.flat_map(|object| object.contacts_of(&capsule, frame, above));
+            let contacts = surroundings.scene.depth_of(&capsule, above).into_iter().chain(in_them);
+            let deepest = contacts.max_by(|a, b| a.depth.total_cmp(&b.depth))?;
+            Some((part, deepest.depth, deepest.place))
         })
         .collect()
 }
@@ -146,7 +149,7 @@ mod tests {
         let scene = wall(y);
         let mut tally = Tally::default();
         let poses = [Posture::default().pose(); 2];
-        tally.add(&poses, 0.0, &Surroundings { scene: &scene, ignore_below: 0.1, seats });
+        tally.add(&poses, 0.0, &Surroundings { scene: &scene, moving: &[], ignore_below: 0.1, seats });
         tally.finish()
     }
 
@@ -173,7 +176,8 @@ mod tests {
         let mut posture = Posture::default();
         posture.rotations[0] = glam::Quat::from_rotation_z(std::f32::consts::FRAC_PI_2);
         let scene = wall(0.60);
-        let surroundings = Surroundings { scene: &scene, ignore_below: 0.1, seats: Seats::default() };
+        let surroundings =
+            Surroundings { scene: &scene, moving: &[], ignore_below: 0.1, seats: Seats::default() };
         let found = in_scene(&posture.pose(), 0, 0.0, &surroundings);
         let radius = 0.039 - 0.011 * (0.60 - 0.458) / 0.278;
         assert_eq!(found.len(), 1, "{found:?}");

@@ -300,8 +300,7 @@ impl Held {
         self.hands().map(ask).collect()
     }
 
-    /// Has the pelvis sink, and go back over the feet, of who stands and reaches low for it: rather knees that bend than a bow. `at`: the
-    /// frames on which the hands are there; so many frames before them it sets out, and is back after them.
+    /// See [`crouch`]. `at`: the frames on which the hands are there; so many frames before them it sets out, and is back after them.
     pub(super) fn crouches(
         &self,
         motion: &Motion,
@@ -312,22 +311,7 @@ impl Held {
     ) -> Option<Constraint> {
         let low =
             self.hands().map(|(.., own)| self.at(*at.start()).point(own).z).fold(f32::INFINITY, f32::min);
-        let sinks = (CROUCHES_BELOW - (low - floor)).clamp(0.0, CROUCHES / SINKS) * SINKS;
-        let there = motion.postures[*at.start()];
-        if sinks < LEAST_CROUCH || is_supported(&there.pose(), floor) {
-            return None;
-        }
-        let back = -there.planar().forward().extend(0.0) * BACK;
-        let first = at.start().saturating_sub(before);
-        let place = |frame: usize| {
-            let out = (frame as f32 - first as f32) / before as f32;
-            let home = (frame as f32 - *at.end() as f32) / after as f32;
-            let share = least_jerk(out) * (1.0 - least_jerk(home));
-            motion.postures[frame].root_position + (back - Vec3::Z) * sinks * share
-        };
-        let end = (at.end() + after).min(motion.len() - 1);
-        let path = (first..=end).map(place).collect();
-        Some(Constraint { soft: true, ..Constraint::positions("Knees", Joint::Hips, first, path) })
+        crouch(motion, floor, low, at, before, after)
     }
 
     /// Gives a motion the arms, and the back, of who carries it, from when it is lifted until it stands again.
@@ -481,6 +465,34 @@ impl Held {
             .collect();
         (deep.iter().filter(|depth| **depth > touch).count(), deep.into_iter().fold(0.0, f32::max))
     }
+}
+
+/// Has the pelvis sink, and go back over the feet, of who stands and reaches as low as `low` (world z): rather knees that bend than a bow.
+/// `at`: the frames on which the hands are there; so many frames before them it sets out, and is back after them.
+pub(super) fn crouch(
+    motion: &Motion,
+    floor: f32,
+    low: f32,
+    at: RangeInclusive<usize>,
+    before: usize,
+    after: usize,
+) -> Option<Constraint> {
+    let sinks = (CROUCHES_BELOW - (low - floor)).clamp(0.0, CROUCHES / SINKS) * SINKS;
+    let there = motion.postures[*at.start()];
+    if sinks < LEAST_CROUCH || is_supported(&there.pose(), floor) {
+        return None;
+    }
+    let back = -there.planar().forward().extend(0.0) * BACK;
+    let first = at.start().saturating_sub(before);
+    let place = |frame: usize| {
+        let out = (frame as f32 - first as f32) / before as f32;
+        let home = (frame as f32 - *at.end() as f32) / after as f32;
+        let share = least_jerk(out) * (1.0 - least_jerk(home));
+        motion.postures[frame].root_position + (back - Vec3::Z) * sinks * share
+    };
+    let end = (at.end() + after).min(motion.len() - 1);
+    let path = (first..=end).map(place).collect();
+    Some(Constraint { soft: true, ..Constraint::positions("Knees", Joint::Hips, first, path) })
 }
 
 /// Who leans back by so much, radians, but for who sits.

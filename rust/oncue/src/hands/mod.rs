@@ -2,9 +2,11 @@
 //!
 //! A step is played as if its hands had nothing to do, and the person stays at its cue for as long as they need. So what hands do
 //! changes nothing of how a step is played nor of what the next goes on from, and no seam lies in a reach. `things` is what can be taken,
-//! `carry` how it is taken, carried and put down.
+//! `carry` how it is taken, carried and put down; `leaf` is what can be opened, and the scene as it stands then, `open` how it is opened.
 
 mod carry;
+pub(crate) mod leaf;
+mod open;
 pub(crate) mod things;
 
 use std::ops::Range;
@@ -13,10 +15,15 @@ use std::time::Instant;
 use glam::{Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
-use carry::{Carry, Down, FADES, GRIPS, Held, LIFTS, Way};
+use carry::{Carry, Down, FADES, GRIPS, Held, LIFTS, Way, crouch};
+use leaf::openings;
+pub use open::OpenedFigures;
+use open::Opening;
 use things::Placement;
 
-use crate::cue::{Hand, ManipulationCue, Performance, PutCue, TakeCue, Thing, ThingCue};
+use crate::cue::{
+    Hand, Leaf, ManipulationCue, OpenCue, Performance, PutCue, TakeCue, Thing, ThingCue, is_carried,
+};
 use crate::editor::edit::{reach_frames, whole_span};
 use crate::editor::free_limbs::{Room, free_arms_within};
 use crate::editor::manipulation::{LONGEST_WAIT, constraints, joints};
@@ -24,11 +31,12 @@ use crate::editor::{
     Constraint, ConstraintFigures, EditedMotion, ManipulationFigures, TaskEditFigures, Wishes, edit_motion,
 };
 use crate::error::{Error, Result};
-use crate::figures::{Surroundings, in_scene};
+use crate::figures::{BodyPart, Surroundings, body_capsules, in_scene};
 use crate::manifold::Manifold;
 use crate::motion::skeleton::palm;
 use crate::motion::{FRAME_RATE, Joint, Motion};
 use crate::progress::Progress;
+use crate::scene::MovingObject;
 use crate::settings::{EditorSettings, ReportSettings, Settings};
 
 /// After the hands are back the person stays so many frames more: what is taken out of the way fades over as many.
@@ -41,8 +49,12 @@ const IN_THE_WAY: f32 = 0.01;
 const BETWEEN: usize = 6;
 /// A thing that is put down is where it was asked for within this, metres.
 const PUT_WITHIN: f32 = 0.01;
+/// A palm is on the handle that it leads within this, metres.
+const ON_THE_HANDLE: f32 = 0.01;
+/// An arm that is deeper in what it opens lets go of it sooner, metres.
+const IN_THE_LEAF: f32 = 0.01;
 
-/// A thing as it was carried: where it is from when it was taken until it stands again, or the motion ends.
+/// A thing as it was carried, or a leaf as it was opened: where it is from when that began until it stands again, or the motion ends.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CarriedThing {
     /// Its name.
@@ -88,7 +100,10 @@ pub(crate) struct Done {
     /// Of all paths, in frames of the whole; none where there were none.
     pub edited: Option<TaskEditFigures>,
     pub things: Vec<ThingFigures>,
+    pub opened: Vec<OpenedFigures>,
     pub carried: Vec<CarriedThing>,
+    /// What can be opened, on the motion's frames.
+    pub leaves: Vec<MovingObject>,
     /// In words what could not be done.
     pub problems: Vec<String>,
 }
@@ -100,6 +115,9 @@ pub(crate) struct Hands<'a> {
     report: &'a ReportSettings,
     paths: Vec<Path<'a>>,
     carries: Vec<Carry<'a>>,
+    openings: Vec<Opening<'a>>,
+    /// How far each leaf is open by now.
+    open: Vec<f32>,
     /// Where each thing stands by now, its middle.
     middles: Vec<Vec3>,
     problems: Vec<String>,
@@ -140,6 +158,8 @@ impl<'a> Hands<'a> {
             report: &settings.report,
             paths: Vec::new(),
             carries: Vec::new(),
+            openings: Vec::new(),
+            open: vec![0.0; performance.leaves.len()],
             middles: performance.things.iter().map(middle).collect(),
             problems: Vec::new(),
         }
@@ -161,6 +181,7 @@ impl<'a> Hands<'a> {
             until = match cue {
                 ThingCue::Take(take) => self.begin_take(take, motion, met, now),
                 ThingCue::Put(put) => self.begin_put(put, now + BETWEEN),
+                ThingCue::Open(open) => self.begin_open(open, motion, met, now),
             };
         }
         let cues = &self.performance.steps[step].manipulations;
@@ -219,6 +240,40 @@ impl<'a> Hands<'a> {
         until
     }
 
+    fn begin_open(&mut self, cue: &'a OpenCue, motion: &Motion, met: usize, now: usize) -> usize {
+        let leaves = &self.performance.leaves;
+        let Some((which, leaf)) = leaves.iter().enumerate().find(|(_, leaf)| leaf.name == cue.thing) else {
+            return 0;
+        };
+        let from = self.open[which];
+        let reach = self.reach(motion, met, cue.hand, leaf.at(from).point(cue.grip));
+        let pose = motion.postures[met].pose();
+        let opening = Opening::new(cue, (which, leaf), from, now + reach, &pose);
+        self.open[which] += cue.by.number();
+        // Nobody walks on before it is open, and has the hand back.
+        let let_go = opening.let_go.unwrap_or(opening.opened);
+        let until = (let_go + GRIPS + reach).max(opening.opened.saturating_sub(SETTLES));
+        self.openings.push(opening);
+        until
+    }
+
+    /// What is opened, on so many frames of the whole motion; `done`: which of the openings come to be.
+    ///
+    /// # Errors
+    /// `Input` for a mesh that is none; `Cancelled`.
+    fn leaves(&self, done: &[bool], progress: &Progress) -> Result<Vec<MovingObject>> {
+        let object = |(which, leaf): (usize, &Leaf)| {
+            let own = || self.openings.iter().zip(done).filter(move |(o, done)| o.which == which && **done);
+            let last = own().map(|(opening, _)| opening.opened).max().unwrap_or(0);
+            let so_far = |frame: usize| -> f32 {
+                own().map(|(opening, _)| opening.cue.by.number() * opening.share(frame)).sum()
+            };
+            let held = own().map(|(o, _)| (o.cue.hand, o.held(o.let_go.unwrap_or(o.opened))));
+            Ok(leaf.opened((0..=last).map(so_far), progress)?.held_by(held.collect()))
+        };
+        self.performance.leaves.iter().enumerate().map(object).collect()
+    }
+
     /// Frames of a reach for a place from how the person is on a frame.
     fn reach(&self, motion: &Motion, frame: usize, hand: Hand, place: Vec3) -> usize {
         let pose = motion.postures[frame].pose();
@@ -238,14 +293,23 @@ impl<'a> Hands<'a> {
         progress: &Progress,
     ) -> Result<Done> {
         let mut out = Done { problems: std::mem::take(&mut self.problems), ..Default::default() };
-        if self.paths.is_empty() && self.carries.is_empty() {
+        let all = self.leaves(&vec![true; self.openings.len()], progress)?;
+        if self.paths.is_empty() && self.carries.is_empty() && self.openings.is_empty() {
+            out.leaves = all;
             return Ok(out);
         }
         let began = Instant::now();
         progress.stage("Carrying the hands");
         let floor = self.performance.start.position.z;
+        let (grips, leaves) = {
+            let around = &Surroundings { moving: &all, ..around.clone() };
+            let laying = Laying { around, floor, settings: self.settings, progress };
+            let mut grips = self.carry_things(motion, &laying, &mut out)?;
+            let done = self.open_leaves(motion, &laying, &mut grips, &mut out)?;
+            (grips, self.leaves(&done, progress)?)
+        };
+        let around = &Surroundings { moving: &leaves, ..around.clone() };
         let laying = Laying { around, floor, settings: self.settings, progress };
-        let grips = self.carry_things(motion, &laying, &mut out)?;
         let mut edited = TaskEditFigures { complete_frame: motion.len() - 1, ..Default::default() };
         for step in 0..self.performance.steps.len() {
             let paths: Vec<&Path> = self.paths.iter().filter(|path| path.step == step).collect();
@@ -268,6 +332,7 @@ impl<'a> Hands<'a> {
         }
         edited.seconds = began.elapsed().as_secs_f32();
         out.edited = (!self.paths.is_empty()).then_some(edited);
+        out.leaves = leaves;
         Ok(out)
     }
 
@@ -340,7 +405,93 @@ impl<'a> Hands<'a> {
     }
 }
 
+impl Hands<'_> {
+    /// Has leaves be opened, adds the hands that do to `grips`, and says which of them are.
+    fn open_leaves(
+        &mut self,
+        motion: &mut Motion,
+        laying: &Laying,
+        grips: &mut Vec<Grip>,
+        out: &mut Done,
+    ) -> Result<Vec<bool>> {
+        let mut done = Vec::new();
+        let person = &self.performance.start.name;
+        for opening in &mut self.openings {
+            let led = laying.open(opening, motion, grips);
+            done.push(led.is_ok());
+            match led {
+                Ok(let_go) => {
+                    opening.let_go = Some(let_go);
+                    grips.push((opening.cue.hand, opening.taken..let_go + 1));
+                }
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                Err(error) => out.problems.push(not_opened(opening.cue, person, &error.to_string())),
+            }
+        }
+        for (opening, _) in self.openings.iter().zip(&done).filter(|(_, done)| **done) {
+            out.tell_opened(opening, motion, person, laying);
+            let (positions, rotations) =
+                opening.places().into_iter().map(|place| (place.position, place.rotation)).unzip();
+            out.carried.push(CarriedThing {
+                name: opening.leaf.name.clone(),
+                first_frame: opening.moves(),
+                positions,
+                rotations,
+            });
+        }
+        Ok(done)
+    }
+}
+
+fn not_opened(open: &OpenCue, person: &str, why: &str) -> String {
+    format!("‘{person}’ does not open ‘{}’ by ‘{}’: {why}", open.thing, open.name)
+}
+
+/// Why whoever has met the cue of one of the steps with `motion` does not open what they are to there; none where they do, or it is not
+/// known yet.
+pub(crate) fn unopened(performance: &Performance, step: usize, motion: &Motion) -> Option<String> {
+    let pose = motion.postures.last()?.pose();
+    let mut open = openings(performance).swap_remove(step);
+    for cue in performance.steps[step].openings() {
+        let which = performance.leaves.iter().position(|leaf| leaf.name == cue.thing)?;
+        let leaf = &performance.leaves[which];
+        let opening = Opening::new(cue, (which, leaf), open[which], 0, &pose);
+        if opening.let_go.is_none() {
+            return Some(not_opened(cue, &performance.start.name, &opening.out_of_reach()));
+        }
+        open[which] += cue.by.number();
+    }
+    None
+}
+
 impl Done {
+    /// Tells how a leaf was opened.
+    fn tell_opened(&mut self, opening: &Opening, motion: &Motion, person: &str, laying: &Laying) {
+        let Some(let_go) = opening.let_go else { return };
+        let off = opening.off(motion, let_go);
+        if off > ON_THE_HANDLE {
+            self.problems.push(format!(
+                "The hand of ‘{person}’ is {:.1} cm off the handle of ‘{}’, which ‘{}’ opens; move the cue at which the person stands.",
+                100.0 * off,
+                opening.leaf.name,
+                opening.cue.name
+            ));
+        }
+        let (arms, rest) = laying.in_the_leaf(opening, let_go, motion);
+        self.opened.push(OpenedFigures {
+            leaf: opening.leaf.name.clone(),
+            open: opening.cue.name.clone(),
+            hand: opening.cue.hand,
+            taken: opening.taken,
+            let_go,
+            opened: opening.opened,
+            led: opening.share(let_go),
+            handle_cm: 100.0 * off,
+            arm_cm: 100.0 * arms,
+            body_cm: 100.0 * rest,
+        });
+    }
+
     /// Tells what became of a thing.
     #[allow(clippy::too_many_arguments)] // What was carried, by whom, and where.
     fn tell(
@@ -438,6 +589,68 @@ impl Laying<'_> {
         free_arms_within(&mut laid, self.room(), &[], &all, within, self.progress)?;
         *motion = laid;
         Ok(held)
+    }
+
+    /// Has a leaf be opened, as far as the arm reaches, and says on which frame it is let go.
+    fn open(&self, opening: &Opening, motion: &mut Motion, grips: &[Grip]) -> Result<usize> {
+        let unreached = || Error::Unreachable(opening.out_of_reach());
+        let mut tried = Some(opening.let_go.ok_or_else(unreached)?);
+        let mut best: Option<(f32, usize, Motion)> = None;
+        let mut missed = None;
+        // Where it is let go sooner the arm need not reach so far, nor round the leaf.
+        while let Some(let_go) = tried.filter(|_| best.as_ref().is_none_or(|best| best.0 > IN_THE_LEAF)) {
+            tried = opening.sooner(let_go);
+            match self.led(opening, let_go, motion, grips) {
+                Ok(laid) if opening.off(&laid, let_go) <= ON_THE_HANDLE => {
+                    let (arms, _) = self.in_the_leaf(opening, let_go, &laid);
+                    if best.as_ref().is_none_or(|best| arms < best.0) {
+                        best = Some((arms, let_go, laid));
+                    }
+                }
+                Err(Error::Cancelled) => return Err(Error::Cancelled),
+                Ok(_) => {}
+                Err(error) => missed = Some(error),
+            }
+        }
+        let (_, let_go, laid) = best.ok_or_else(|| missed.unwrap_or_else(unreached))?;
+        *motion = laid;
+        Ok(let_go)
+    }
+
+    /// The motion with a leaf opened that is let go on a frame.
+    fn led(&self, opening: &Opening, let_go: usize, motion: &Motion, grips: &[Grip]) -> Result<Motion> {
+        let mut laid = motion.clone();
+        let blend = reach_frames(0.0, self.settings);
+        let at = opening.taken..=let_go;
+        let crouches = crouch(motion, self.floor, opening.lowest(let_go), at, blend, blend);
+        let span = self.reach_low(opening.asks(motion, let_go), crouches, &mut laid, grips)?;
+        let own = (opening.cue.hand, opening.taken..let_go + 1);
+        let all: Vec<Grip> = grips.iter().cloned().chain([own]).collect();
+        free_arms_within(&mut laid, self.room(), &[], &all, span, self.progress)?;
+        Ok(laid)
+    }
+
+    /// How deep arms, but for a hand on the handle, and the rest of the body are in a leaf while it moves, metres.
+    fn in_the_leaf(&self, opening: &Opening, let_go: usize, motion: &Motion) -> (f32, f32) {
+        let object = &self.around.moving[opening.which];
+        let held = [(opening.cue.hand, opening.held(let_go))];
+        let above = self.floor + self.around.ignore_below;
+        let (mut arms, mut rest) = (0.0f32, 0.0f32);
+        for frame in opening.taken..=opening.opened.min(motion.len() - 1) {
+            for (part, capsule) in body_capsules(&motion.postures[frame].pose()) {
+                let is_on_it = match part {
+                    BodyPart::LeftHand => is_carried(&held, Hand::Left, frame),
+                    BodyPart::RightHand => is_carried(&held, Hand::Right, frame),
+                    _ => false,
+                };
+                if !is_on_it {
+                    let worst = if part.is_arm() { &mut arms } else { &mut rest };
+                    let deep = object.contacts_of(&capsule, frame, above);
+                    *worst = deep.iter().map(|contact| contact.depth).fold(*worst, f32::max);
+                }
+            }
+        }
+        (arms, rest)
     }
 
     /// Has the body reach for what is asked with knees that bend, but where something is in their way; over which frames.

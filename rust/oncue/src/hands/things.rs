@@ -164,6 +164,16 @@ pub(crate) fn check_things(performance: &Performance) -> Result<()> {
     for step in &performance.steps {
         for cue in &step.things {
             let (name, thing) = (cue.name(), cue.thing());
+            if let ThingCue::Open(open) = cue {
+                if let Some((other, hand)) = held.iter().find(|(_, hand)| hand.shares(open.hand)) {
+                    return Err(Error::input(format!(
+                        "‘{name}’ has ‘{person}’ open ‘{thing}’ with {}, and {} ‘{other}’; put that down first, or choose another hand.",
+                        open.hand.in_words(),
+                        hand.carries()
+                    )));
+                }
+                continue;
+            }
             let Some(known) = performance.things.iter().find(|one| one.name == thing) else {
                 return Err(Error::input(format!(
                     "‘{name}’ is about ‘{thing}’, which is none of the things of ‘{person}’."
@@ -200,6 +210,7 @@ pub(crate) fn check_things(performance: &Performance) -> Result<()> {
                         "‘{name}’ has ‘{person}’ take ‘{thing}’, which is in a hand already; put it down first."
                     )));
                 }
+                (ThingCue::Open(_), _) => {}
                 (ThingCue::Put(_), None) => {
                     return Err(Error::input(format!(
                         "‘{name}’ has ‘{person}’ put ‘{thing}’ down, which is in no hand by then; take it before."

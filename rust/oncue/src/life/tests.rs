@@ -45,7 +45,7 @@ fn hold<'a>(
     carried: &'a [(Hand, Range<usize>)],
 ) -> Hold<'a> {
     let seats = if sits { Seats::taken(0, SEAT) } else { Seats::default() };
-    let around = Surroundings { scene, ignore_below: 0.1, seats };
+    let around = Surroundings { scene, moving: &[], ignore_below: 0.1, seats };
     Hold {
         from: 10,
         frames,

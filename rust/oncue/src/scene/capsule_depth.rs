@@ -36,19 +36,7 @@ impl SceneIndex {
 
     /// The surfaces that a capsule is in, the deepest of those that would move it the same way; the deepest of all first.
     pub(crate) fn contacts_of(&self, capsule: &Capsule, above: f32) -> Vec<SceneContact> {
-        let mut contacts: Vec<SceneContact> = Vec::new();
-        if self.touches_nothing(capsule, above) {
-            return contacts;
-        }
-        self.tree.visit_contacts(capsule, above, |contact| contacts.push(contact));
-        contacts.sort_by(|a, b| b.depth.total_cmp(&a.depth));
-        let mut kept: Vec<SceneContact> = Vec::new();
-        for contact in contacts {
-            if kept.iter().all(|deeper| deeper.direction.dot(contact.direction) < ANOTHER_WAY) {
-                kept.push(contact);
-            }
-        }
-        kept
+        if self.touches_nothing(capsule, above) { Vec::new() } else { self.tree.contacts_of(capsule, above) }
     }
 
     fn touches_nothing(&self, capsule: &Capsule, above: f32) -> bool {
@@ -81,6 +69,20 @@ impl TriangleTree {
             }
         });
         deepest
+    }
+
+    /// [`SceneIndex::contacts_of`] by the triangles alone.
+    pub(super) fn contacts_of(&self, capsule: &Capsule, above: f32) -> Vec<SceneContact> {
+        let mut contacts: Vec<SceneContact> = Vec::new();
+        self.visit_contacts(capsule, above, |contact| contacts.push(contact));
+        contacts.sort_by(|a, b| b.depth.total_cmp(&a.depth));
+        let mut kept: Vec<SceneContact> = Vec::new();
+        for contact in contacts {
+            if kept.iter().all(|deeper| deeper.direction.dot(contact.direction) < ANOTHER_WAY) {
+                kept.push(contact);
+            }
+        }
+        kept
     }
 
     /// Each triangle that a capsule is in.

@@ -178,7 +178,7 @@ impl SceneIndex {
         })
     }
 
-    /// The same scene with more in it, on the same floor: people who are in the way.
+    /// The same scene with more in it, on the same floor: people who are in the way, doors as they stand by then.
     ///
     /// # Errors
     /// `Cancelled`.
