@@ -769,7 +769,7 @@ def manifold(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Search, collision, environment steps, updates, learning and latent steps, each beside what else there is (tools/peers).
+    """Search, collision, environment steps, updates, learning, latent steps, beside what else there is (tools/peers).
 
     `-- learning editor` runs some of rust/oncue/benches.
     """

@@ -1,7 +1,7 @@
 """The tasks of benches/learning.rs in Stable-Baselines3 and gymnasium: the same task, steps and settings of PPO.
 
-Before anything is learnt gymnasium's environment takes our steps, from the same states, and is to come to the same. What
-Stable-Baselines3 does otherwise than we do is told in tests/common/control.rs; its V has π's rate, as in CleanRL.
+Before anything is learnt gymnasium's environment takes our steps, from the same states, and is to come to the same.
+What Stable-Baselines3 does otherwise than we do is told in tests/common/control.rs; its V has π's rate, as in CleanRL.
 """
 
 import gymnasium
