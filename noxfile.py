@@ -53,6 +53,7 @@ BLENDER_TESTS = ["pytest==9.2.0", "pytest-timeout==2.4.0"]
 CARGO_MUTANTS = "27.1.0"
 #: What the benches run beside us; the product never sees it.
 PEERS = ["torch==2.15.0", NUMPY, "scipy==1.17.1", "embreex==4.4.0.post1"]
+PEERS += ["stable-baselines3==2.9.2", "gymnasium==1.4.0"]
 
 
 class Blender(NamedTuple):
@@ -768,9 +769,13 @@ def manifold(session: nox.Session) -> None:
 
 @nox.session
 def bench(session: nox.Session) -> None:
-    """Search, collision, environment steps, updates and latent steps, each beside what else there is (tools/peers)."""
+    """Search, collision, environment steps, updates, learning, latent steps, beside what else there is (tools/peers).
+
+    `-- learning editor` runs some of rust/oncue/benches.
+    """
     peers = environment(session, "peers", PEERS)
-    command = ["cargo", "bench", "--locked", "--workspace", "--bench", "*", *session.posargs]
+    names = [argument for name in session.posargs or ["*"] for argument in ("--bench", name)]
+    command = ["cargo", "bench", "--locked", "--workspace", *names]
     session.run(*command, external=True, env={"ONCUE_PEERS": str(peers)})
 
 

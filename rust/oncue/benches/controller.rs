@@ -16,13 +16,14 @@ use oncue::controller::Environment;
 use oncue::controller::Policy;
 use oncue::controller::StoredPolicy;
 use oncue::internals::Activations;
-use oncue::internals::Ppo;
 use oncue::internals::SearchIndex;
 use oncue::internals::{Future, feature_size, write_feature};
 use oncue::internals::{Gaussian, draw};
+use oncue::internals::{Ppo, Targets};
 use oncue::internals::{Rollout, Tuples};
 use oncue::library::starter;
 use oncue::scene::SceneIndex;
+use oncue::settings::PpoSettings;
 use oncue::{ActionCue, ActionType, InitialState, Progress, Settings, Task};
 use peer::Work;
 use rand::seq::SliceRandom;
@@ -85,7 +86,8 @@ fn update(environment: &Environment, preset: &str) {
     let rolled = lap.elapsed().as_secs_f64();
     let work = Work::new(&format!("update-{preset}"));
     if let Some(work) = &work {
-        write_tuples(work, policy, &tuples, epochs);
+        let order = write_tuples(work, policy, &tuples, epochs);
+        write_first_step(work, policy, &tuples, &order[..settings.batch], &settings);
     }
     let states = normalized(policy, &tuples.states);
     let learn = |mut tuples: Tuples| {
@@ -122,8 +124,8 @@ fn normalized(policy: &Policy, states: &[f32]) -> Vec<f32> {
     states
 }
 
-/// What the update begins with: the policy, its tuples, and the order in which its seed takes them.
-fn write_tuples(work: &Work, policy: &Policy, tuples: &Tuples, epochs: usize) {
+/// What the update begins with: the policy, its tuples, and the order in which its seed takes them, which is given back.
+fn write_tuples(work: &Work, policy: &Policy, tuples: &Tuples, epochs: usize) -> Vec<usize> {
     work.floats("policy", &policy.policy.parameters);
     work.floats("value", &policy.value.parameters);
     work.floats("log_std", &policy.log_std);
@@ -137,14 +139,30 @@ fn write_tuples(work: &Work, policy: &Policy, tuples: &Tuples, epochs: usize) {
     work.counts("allowed", tuples.allowed.iter().flatten().map(|&a| u32::from(a)));
     work.counts("ended", tuples.ended.iter().map(|&e| u32::from(e)));
     let mut rng = Pcg64::seed_from_u64(1);
-    let mut order: Vec<u32> = (0..tuples.rewards.len() as u32).collect();
-    work.counts(
-        "order",
-        (0..epochs).flat_map(|_| {
+    let mut order: Vec<usize> = (0..tuples.rewards.len()).collect();
+    let orders: Vec<usize> = (0..epochs)
+        .flat_map(|_| {
             order.shuffle(&mut rng);
             order.clone()
-        }),
-    );
+        })
+        .collect();
+    work.counts("order", orders.iter().map(|&t| t as u32));
+    orders
+}
+
+/// The first moments of Adam after one gradient step on `batch`: a tenth of the gradients that it went down.
+fn write_first_step(work: &Work, policy: &Policy, tuples: &Tuples, batch: &[usize], settings: &PpoSettings) {
+    let tuples = Tuples {
+        states: normalized(policy, &tuples.states),
+        last_states: normalized(policy, &tuples.last_states),
+        ..tuples.clone()
+    };
+    let targets = Targets::of(policy, &tuples, settings);
+    let (mut moved, mut ppo) = (policy.clone(), Ppo::new(policy, settings, 1));
+    ppo.step(&mut moved, &tuples, &targets, batch, settings);
+    for (name, adam) in ["policy", "value", "log_std"].into_iter().zip(ppo.optimizers()) {
+        work.floats(&format!("first_{name}"), adam.moments().0);
+    }
 }
 
 /// An action type with the queries of its searches and their hints.

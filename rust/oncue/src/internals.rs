@@ -1,7 +1,7 @@
 //! What the benches, examples and tests of this repository look into. No part of the interface: it changes without notice.
 
-pub use crate::controller::policy::{Gaussian, draw};
-pub use crate::controller::ppo::Ppo;
+pub use crate::controller::policy::{Gaussian, Normalizer, draw};
+pub use crate::controller::ppo::{Ppo, Targets};
 pub use crate::controller::rollout::{Rollout, Tuples};
 
 pub use crate::library::feature::{Future, feature_size, write_feature};
@@ -13,7 +13,7 @@ pub use crate::manifold::autoencoder::DecoderWorkspace;
 pub use crate::manifold::kinematics::{Kinematics, RootPath};
 pub use crate::manifold::window::{FEATURES, WINDOW, from_motion};
 pub use crate::motion::skeleton::LIMB_BOX_COUNT;
-pub use crate::nn::{Activations, Adam, Conv1d};
+pub use crate::nn::{Activations, Adam, Conv1d, Mlp};
 pub use crate::practice::{PracticeRoom, practice_room};
 
 /// Feet.

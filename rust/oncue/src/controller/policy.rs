@@ -20,6 +20,7 @@ pub struct Normalizer {
 }
 
 impl Normalizer {
+    /// Of no states yet, of `size` numbers each: leaves them as they are.
     pub fn new(size: usize) -> Self {
         Self { count: 0.0, mean: vec![0.0; size], square: vec![0.0; size] }
     }

@@ -24,6 +24,27 @@ pub struct Ppo {
     value_adam: Adam,
     std_adam: Adam,
     rng: Pcg64,
+    chunks: Vec<Chunk>,
+}
+
+/// What an update's tuples say of its decisions, one number a tuple.
+#[derive(Debug, Clone)]
+pub struct Targets {
+    /// How much better than expected each turned out, standardized over the tuples.
+    pub advantages: Vec<f32>,
+    /// What V is to learn, in reward units.
+    pub returns: Vec<f32>,
+}
+
+impl Targets {
+    /// Of tuples with normalised states, by the V of before the update.
+    pub fn of(policy: &Policy, tuples: &Tuples, settings: &PpoSettings) -> Self {
+        let values = all_values(policy, &tuples.states);
+        let last_values = all_values(policy, &tuples.last_states);
+        let (mut advantages, returns) = advantages(tuples, &values, &last_values, settings);
+        standardize(&mut advantages);
+        Self { advantages, returns }
+    }
 }
 
 /// Advantages and returns of a batch (GAE, Schulman et al. 2016).
@@ -57,7 +78,13 @@ impl Ppo {
             value_adam: Adam::new(settings.value_rate, policy.value.parameters.len()),
             std_adam: Adam::new(settings.policy_rate, policy.log_std.len()),
             rng: Pcg64::seed_from_u64(seed),
+            chunks: Vec::new(),
         }
+    }
+
+    /// Adam of π's network, of V's and of the spread.
+    pub fn optimizers(&self) -> [&Adam; 3] {
+        [&self.policy_adam, &self.value_adam, &self.std_adam]
     }
 
     /// One update of π and V on `tuples`.
@@ -75,43 +102,37 @@ impl Ppo {
         normalizer.update(&tuples.states);
         tuples.states.par_chunks_mut(size * CHUNK_ROWS).for_each(|rows| Policy::normalize(rows, &map));
         Policy::normalize(&mut tuples.last_states, &map);
-        let values = all_values(policy, &tuples.states);
-        let last_values = all_values(policy, &tuples.last_states);
-        let (mut advantages, returns) = advantages(tuples, &values, &last_values, settings);
-        standardize(&mut advantages);
+        let targets = Targets::of(policy, tuples, settings);
 
         let count = tuples.rewards.len();
         let mut order: Vec<usize> = (0..count).collect();
-        let mut chunks: Vec<Chunk> = Vec::new();
         for _ in 0..settings.epochs {
             order.shuffle(&mut self.rng);
             for batch in order.chunks(settings.batch) {
                 progress.check()?;
-                self.step(policy, tuples, &advantages, &returns, batch, settings, &mut chunks);
+                self.step(policy, tuples, &targets, batch, settings);
             }
         }
         policy.normalizer = normalizer;
         Ok(())
     }
 
-    #[allow(clippy::too_many_arguments)] // one gradient step; the arguments are the symbols of the loss
-    fn step(
+    /// One gradient step on the tuples whose numbers are in `batch`; their states are normalised.
+    pub fn step(
         &mut self,
         policy: &mut Policy,
         tuples: &Tuples,
-        advantages: &[f32],
-        returns: &[f32],
+        targets: &Targets,
         batch: &[usize],
         settings: &PpoSettings,
-        chunks: &mut Vec<Chunk>,
     ) {
         let parts = batch.len().div_ceil(CHUNK_ROWS);
-        chunks.resize_with(parts.max(chunks.len()), Chunk::default);
+        self.chunks.resize_with(parts.max(self.chunks.len()), Chunk::default);
         let shared = &*policy;
-        chunks[..parts].par_iter_mut().zip(batch.par_chunks(CHUNK_ROWS)).for_each(|(chunk, rows)| {
-            chunk.gradients(shared, tuples, advantages, returns, rows, settings);
+        self.chunks[..parts].par_iter_mut().zip(batch.par_chunks(CHUNK_ROWS)).for_each(|(chunk, rows)| {
+            chunk.gradients(shared, tuples, targets, rows, settings);
         });
-        let (first, rest) = chunks[..parts].split_at_mut(1);
+        let (first, rest) = self.chunks[..parts].split_at_mut(1);
         for other in rest.iter() {
             add(&mut first[0].policy_gradient, &other.policy_gradient);
             add(&mut first[0].value_gradient, &other.value_gradient);
@@ -120,6 +141,10 @@ impl Ppo {
         let n = 1.0 / batch.len() as f32;
         let total = &first[0];
         let scale = |gradient: &[f32]| n * clip_factor(gradient, n, settings.gradient_norm);
+        // Whoever calls may have the rates fall from update to update.
+        self.policy_adam.learning_rate = settings.policy_rate;
+        self.std_adam.learning_rate = settings.policy_rate;
+        self.value_adam.learning_rate = settings.value_rate;
         let s = scale(&total.policy_gradient);
         self.policy_adam.step(&mut policy.policy.parameters, &total.policy_gradient, s);
         self.std_adam.step(&mut policy.log_std, &total.std_gradient, n);
@@ -179,8 +204,7 @@ impl Chunk {
         &mut self,
         policy: &Policy,
         tuples: &Tuples,
-        advantages: &[f32],
-        returns: &[f32],
+        targets: &Targets,
         rows: &[usize],
         settings: &PpoSettings,
     ) {
@@ -212,16 +236,18 @@ impl Chunk {
             let p = type_probabilities(&mean[..TYPE_COUNT], tuples.allowed[t]);
             let new = log_probability(&p, tuples.types[t], &mean[TYPE_COUNT..], vector, &gaussian);
             let ratio = (new - tuples.log_probabilities[t]).clamp(-20.0, 20.0).exp();
-            let advantage = advantages[t];
+            let advantage = targets.advantages[t];
             // The clipped objective is flat where the ratio has already moved far enough.
             let moved_enough =
                 if advantage >= 0.0 { ratio > 1.0 + settings.clip } else { ratio < 1.0 - settings.clip };
             let d_log = if moved_enough { 0.0 } else { -advantage * ratio };
             let d = &mut self.d_policy[i * width..(i + 1) * width];
+            let logs = p.map(|p| p.max(f32::MIN_POSITIVE).ln());
+            let entropy = -p.iter().zip(logs).map(|(p, log)| p * log).sum::<f32>();
             for k in 0..TYPE_COUNT {
                 if tuples.allowed[t][k] {
                     let chosen = f32::from(u8::from(k == tuples.types[t]));
-                    d[k] = d_log * (chosen - p[k]);
+                    d[k] = d_log * (chosen - p[k]) + settings.entropy * p[k] * (logs[k] + entropy);
                 }
             }
             for k in 0..vector_size {
@@ -241,7 +267,8 @@ impl Chunk {
         policy.value.forward(&self.states, rows.len(), &mut self.value_activations);
         self.d_value.clear();
         let values = self.value_activations.output();
-        self.d_value.extend(rows.iter().zip(values).map(|(&t, v)| 2.0 * (v - returns[t] / VALUE_SCALE)));
+        self.d_value
+            .extend(rows.iter().zip(values).map(|(&t, v)| 2.0 * (v - targets.returns[t] / VALUE_SCALE)));
         policy.value.backward(
             &self.states,
             rows.len(),
@@ -394,8 +421,8 @@ mod tests {
     const ADVANTAGES: [f32; 12] = [1.0, -0.7, 0.4, -1.3, 2.0, 0.3, -0.2, 0.9, -2.0, 1.1, 0.6, -0.4];
     const RETURNS: [f32; 12] = [3.0, -8.0, 1.0, 4.0, 9.0, -2.0, 0.0, 5.0, 7.0, -1.0, 2.0, 6.0];
 
-    /// What an update makes smaller, summed over the rows: -min(r A, clip(r) A), less the entropy of the vector, and the
-    /// squared error of the value.
+    /// What an update makes smaller, summed over the rows: -min(r A, clip(r) A), less the entropy of the type and of the
+    /// vector, and the squared error of the value.
     fn loss(policy: &Policy, tuples: &Tuples, rows: &[usize], settings: &PpoSettings) -> (f64, f64, usize) {
         let (size, width) = (policy.state_size(), TYPE_COUNT + policy.vector_size());
         let (mut objective, mut error, mut clipped) = (0.0, 0.0, 0);
@@ -407,6 +434,9 @@ mod tests {
             let mean: Vec<f32> = means.iter().zip(proposal).map(|(m, p)| m + p).collect();
             let p = type_probabilities(&mean[..TYPE_COUNT], tuples.allowed[t]);
             let mut log = f64::from(p[tuples.types[t]]).ln();
+            for p in p.map(f64::from).into_iter().filter(|p| *p > 0.0) {
+                objective += f64::from(settings.entropy) * p * p.ln();
+            }
             let vector = &tuples.vectors[t * policy.vector_size()..(t + 1) * policy.vector_size()];
             for ((v, m), s) in vector.iter().zip(&mean[TYPE_COUNT..]).zip(&policy.log_std) {
                 let (v, m, s) = (f64::from(*v), f64::from(*m), f64::from(*s));
@@ -430,7 +460,8 @@ mod tests {
         let (policy, tuples, settings) = small();
         let rows: Vec<usize> = vec![0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11];
         let mut chunk = Chunk::default();
-        chunk.gradients(&policy, &tuples, &ADVANTAGES, &RETURNS, &rows, &settings);
+        let targets = Targets { advantages: ADVANTAGES.to_vec(), returns: RETURNS.to_vec() };
+        chunk.gradients(&policy, &tuples, &targets, &rows, &settings);
         let clipped = loss(&policy, &tuples, &rows, &settings).2;
         assert!((2..11).contains(&clipped), "some rows are clipped and some are not: {clipped}");
         let step = 1e-3;
@@ -455,7 +486,7 @@ mod tests {
         check("value", &chunk.value_gradient, &|p, i, by| p.value.parameters[i] += by, true);
         // A second use of the same chunk begins anew.
         let first = (chunk.policy_gradient.clone(), chunk.std_gradient.clone(), chunk.value_gradient.clone());
-        chunk.gradients(&policy, &tuples, &ADVANTAGES, &RETURNS, &rows, &settings);
+        chunk.gradients(&policy, &tuples, &targets, &rows, &settings);
         assert_eq!(first, (chunk.policy_gradient, chunk.std_gradient, chunk.value_gradient));
     }
 

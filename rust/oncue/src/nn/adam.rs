@@ -1,4 +1,4 @@
-//! Adam (Kingma & Ba 2015).
+//! Adam (Kingma & Ba 2015), with ε beside the uncorrected second moment, as at the end of their section 2.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -25,6 +25,11 @@ impl Adam {
     /// Moments at zero, for so many parameters.
     pub fn new(learning_rate: f32, parameters: usize) -> Self {
         Self { learning_rate, step: 0, first: vec![0.0; parameters], second: vec![0.0; parameters] }
+    }
+
+    /// The running means of the gradient and of its square, before the correction.
+    pub fn moments(&self) -> (&[f32], &[f32]) {
+        (&self.first, &self.second)
     }
 
     /// One step down `gradient × scale`.

@@ -16,6 +16,7 @@ use crate::simd::Level;
 pub struct Mlp {
     /// Widths from input to output.
     pub sizes: Vec<usize>,
+    /// W and b of each layer.
     pub parameters: Vec<f32>,
 }
 
@@ -65,10 +66,12 @@ impl Mlp {
         self.sizes.len() >= 2 && self.parameters.len() == Self::count(&self.sizes)
     }
 
+    /// Numbers of an input.
     pub fn input_size(&self) -> usize {
         self.sizes[0]
     }
 
+    /// Numbers of an output.
     pub fn output_size(&self) -> usize {
         self.sizes[self.sizes.len() - 1]
     }

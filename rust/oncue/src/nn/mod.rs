@@ -14,8 +14,7 @@ mod samples;
 pub use adam::Adam;
 pub(crate) use conv_stack::{ConvStack, ConvWorkspace};
 pub use conv1d::Conv1d;
-pub use mlp::Activations;
-pub(crate) use mlp::Mlp;
+pub use mlp::{Activations, Mlp};
 
 /// Rows of a batch that one thread takes at a time.
 pub(crate) const CHUNK_ROWS: usize = 256;

@@ -35,7 +35,7 @@ pub struct PpoSettings {
     pub log_std_future: f32,
     /// The same of a^offset.
     pub log_std_offset: f32,
-    /// Weight of the entropy in the objective (the paper: none).
+    /// Weight of π's entropy, that of the type and that of the vector, in the objective (the paper: none).
     pub entropy: f32,
     /// At most this many updates.
     pub updates: usize,
