@@ -265,6 +265,10 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
             layout.prop(settings, name)
         layout.operator("oncue.toggle_exclude")
         layout.operator("oncue.reset_character")
+        character = settings.character
+        if character is not None and character.type == "ARMATURE" and is_rigify(character):
+            layout.prop(settings, "rig_legs", expand=True)
+            layout.prop(settings, "rig_arms", expand=True)
         _draw_bones(context, layout)
 
 

@@ -35,6 +35,8 @@ TASKS = (
 )
 HEIGHTS = (1.2, 1.5, 1.75, 1.95)
 OWN = "Oncue's own"
+#: Rigs of Rigify, and by which controls their legs and arms have their keys.
+RIGIFY = {"rigify": ("IK", "FK"), "rigify by FK": ("FK", "FK")}
 #: A foot is planted on a frame of the scene where it is at both of the core's beside it.
 PLANTED = 0.9
 #: Frames at the end in which the person sits.
@@ -68,7 +70,7 @@ def main(arguments: list[str]) -> None:
     options = parser.parse_args(arguments)
     addon.register()
     cache, rows = pipeline.LibraryCache(), []
-    for k, kind in enumerate(options.rigs or [*RIGS, "rigify", OWN]):
+    for k, kind in enumerate(options.rigs or [*RIGS, *RIGIFY, OWN]):
         for n, (room, number) in enumerate(TASKS):
             height = HEIGHTS[(k + n) % len(HEIGHTS)]
             row = run(kind, height, room, number, cache)
@@ -87,7 +89,8 @@ def run(kind: str, height: float, room: str, number: str, cache: pipeline.Librar
     if kind == OWN:
         height = 1.8
     else:
-        scene.oncue.character = make_rigify(height) if kind == "rigify" else make_person(kind, height)
+        scene.oncue.character = make_rigify(height) if kind in RIGIFY else make_person(kind, height)
+        scene.oncue.rig_legs, scene.oncue.rig_arms = RIGIFY.get(kind, ("IK", "FK"))
     bpy.context.view_layer.update()
     request, notes = session.read_request(bpy.context)
     outcome = pipeline.run_blocking(pipeline.synthesis_steps(request, cache))
@@ -194,6 +197,7 @@ def page(rows: list[Row]) -> str:
             "height; beside them Oncue's own character, 1.8 m. Measured on the skins and bones that Blender evaluates,",
             "on each frame of what was written with few keys. *Hips off*: the middle of the hip joints from where the",
             "cue has it for a body of that size. *Soles*: the lowest of a foot over the start's floor while planted.",
+            "Rigify's legs have their keys on IK controls, its arms on those of FK; *by FK*: both on those of FK.",
             "",
             f"Of {len(others)} runs {sum(row.met for row in others)} met their cue and "
             f"{sum(not row.problems for row in others)} have no problem; planted soles lie within "
