@@ -26,8 +26,8 @@ from .channels import LOCATION, ROTATION
 from .control_groups import ANGLES, Group
 
 LEGS, ARMS = "legs", "arms"
-#: What a scene says of a limb.
-IK, FK = "IK", "FK"
+#: What a scene says of limbs that are moved by IK.
+IK = "IK"
 #: A pole may be that much farther from its place than a hand, as it is farther from the joint that it turns.
 POLE_NEAR = 3.0
 #: A hand is held nearer than one on an FK arm: where an arm is nearly straight, its elbow bends by much for little.
@@ -110,6 +110,9 @@ def switches_of(character: bpy.types.Object, limbs: tuple[str, ...]) -> list[Swi
             values = {"IK_FK": 0.0, "pole_vector": 1.0}
             values |= {name: _place_among_parents(character, *of) for name, of in parents.items()}
             found += [Switch(master, f'["{name}"]', value, master.name) for name, value in values.items()]
+            heel = character.pose.bones.get(f"{parts.end}_heel_ik.{side}")
+            if heel is not None and "Toe_Roll" in heel:
+                found.append(Switch(heel, '["Toe_Roll"]', 0.0, heel.name))
             found += [
                 Switch(constraint, "use_stretch", 0.0, master.name)
                 for constraint in _bone(character, f"MCH-{parts.lower}_ik.{side}").constraints
@@ -153,7 +156,7 @@ class Limb:
     def values(self, body: dict[str, Array], way: Array | None) -> list[Array]:
         """What the groups play for a body, armature space, each (frames, columns). `way`: what carries the body on each
         frame, as of a `CarriedSpace`."""
-        return [group.values(body, way) for group in (*self._ends, self._pole)]
+        return [controls.values(body, way) for controls in (*self._ends, self._pole)]
 
     def bones(self, values: list[Array], body: dict[str, Array], way: Array | None) -> dict[str, Array]:
         """The inverse: where the limb's bones are upon a body that has what they hang on."""

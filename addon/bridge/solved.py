@@ -21,6 +21,7 @@ from .channels import LOCATION, ROTATION, data_path
 from .control_groups import Group
 from .curves import played, read_places
 from .names import SOLVED_KEY
+from .rigify_ik import ARMS, LEGS
 from .scene_time import frame_rate
 
 #: More is no motion, bytes: an hour of one takes 200 million.
@@ -252,6 +253,7 @@ def _check_shapes(solved: Solved) -> None:
         shapes != [(frames, 3), (frames, joints, 4), (frames, 2)]
         or solved.keys.ndim != 2
         or (not solved.ik and solved.keys.shape[1] % 4 != 3)
+        or not set(solved.ik) <= {ARMS, LEGS}
         or solved.matrix_world.shape != (4, 4)
         or (solved.way is not None and solved.way.shape != (len(solved.keys), 4, 4))
         or (solved.written is not None and len(solved.written) != solved.keys.shape[1])

@@ -669,6 +669,8 @@ def test_damage_to_the_written_keys_is_a_sentence(oncue, sitting):
         {"form": None, "keys": arrays["keys"][:, :-1]},
         {"form": np.array(3)},
         {"form": np.array(3), "root": np.array("PLACE"), "way": np.zeros((2, 4, 4))},
+        {"form": np.array(4)},
+        {"form": np.array(4), "ik": np.array("legs tails")},
     )
     for changed in broken:
         packed = io.BytesIO()
@@ -678,7 +680,7 @@ def test_damage_to_the_written_keys_is_a_sentence(oncue, sitting):
         with pytest.raises(oncue("errors").SceneError, match="keeps of its motion is damaged"):
             solved.solved_of(action)
     packed = io.BytesIO()
-    np.savez_compressed(packed, **{**arrays, "form": np.array(4)})
+    np.savez_compressed(packed, **{**arrays, "form": np.array(5)})
     action["oncue_solved"] = base64.b85encode(packed.getvalue()).decode("ascii")
     with pytest.raises(oncue("errors").SceneError, match="is a take of a newer Oncue"):
         solved.solved_of(action)

@@ -207,6 +207,8 @@ def all_keys(oncue, rig, action):
 def test_resolve_adapts_a_foot_that_was_moved(by_quaternions, stage, oncue, every_frame):  # noqa: F811
     rig = by_quaternions
     action = synthesized(stage, oncue, rig, every_frame=every_frame)
+    # The take's own limbs count, not what the next one is to have.
+    stage.scene.oncue.rig_legs, stage.scene.oncue.rig_arms = "FK", "IK"
     _, start, planted = wanted_of(oncue, stage.scene, rig, action)
     # Amid a swing of the left foot, some time after the first step.
     swings = np.flatnonzero(~planted[:, 0] & (np.arange(len(planted)) > 50))
@@ -222,6 +224,13 @@ def test_resolve_adapts_a_foot_that_was_moved(by_quaternions, stage, oncue, ever
     stage.scene.frame_set(frame)
     assert tuple(foot.location) == pytest.approx(mine, abs=1e-6)
     assert oncue("bridge.session").report_of(action)["artist"]
+    # What plays, but for the foot where it is held, is what the core gave.
+    there, _, _ = wanted_of(oncue, stage.scene, rig, action)
+    frames = np.arange(0, len(planted), 4)
+    moved = posed(stage, rig, ["DEF-foot.R", "DEF-hand.L"], start + frames)
+    for bone, matrices in moved.items():
+        far, _ = away(rig, bone, matrices, {body: all_of[frames] for body, all_of in there.items()})
+        assert far.max() < 4.0, bone
     # The other foot's control stands where it stood.
     after = all_keys(oncue, rig, action)
     path = ('pose.bones["foot_ik.R"].location', 2)
@@ -229,8 +238,9 @@ def test_resolve_adapts_a_foot_that_was_moved(by_quaternions, stage, oncue, ever
     curve = curve_of(oncue, rig, action, *path)
     assert np.ptp([curve.evaluate(start + k) for k in np.flatnonzero(stays)]) < 0.004
     assert len(after[path]) < 2 * len(before[path])
-    # Pressed again without a change it is refused or changes nothing.
+    # Pressed again it keeps what is the artist's.
     bpy.ops.oncue.resolve()
+    stage.scene.frame_set(frame)
     assert tuple(foot.location) == pytest.approx(mine, abs=1e-6)
 
 
@@ -248,6 +258,13 @@ def test_resolve_adapts_hips_over_ik_feet(by_quaternions, stage, oncue):  # noqa
     assert bpy.ops.oncue.resolve() == {"FINISHED"}
     now = posed(stage, rig, ["DEF-foot.L", "DEF-foot.R"], [frame - 1, frame])
     assert torso.location.z == pytest.approx(low, abs=1e-6)
+    # The feet's controls were written anew: what the core gave is what plays.
+    wanted, _, _ = wanted_of(oncue, stage.scene, rig, action)
+    frames = np.arange(0, len(planted), 4)
+    moved = posed(stage, rig, names("DEF", ("foot", "toe")), start + frames)
+    for bone, matrices in moved.items():
+        far, _ = away(rig, bone, matrices, {body: there[frames] for body, there in wanted.items()})
+        assert far.max() < 4.0, bone
     # Feet that stand keep to the floor.
     for bone, before in feet.items():
         head = np.append(at_rest(rig, bone)[:3, 3], 1.0)
@@ -279,6 +296,31 @@ def test_what_carries_the_body_carries_the_feet(rigify, stage, oncue, kind):  # 
         assert np.ptp(now[:, 2, 0]) < 0.5
     else:
         assert np.linalg.norm(now - there, axis=2).max() < 0.008
+
+
+def test_a_rig_that_is_turned_and_scaled_is_followed_too(rigify, stage, oncue):  # noqa: F811
+    rigify.location, rigify.rotation_euler, rigify.scale = (0.7, -1.5, 0.3), (0.0, 0.0, 1.1), (0.9, 0.9, 0.9)
+    action = synthesized(stage, oncue, rigify, "IK", "IK")
+    wanted, start, planted = wanted_of(oncue, stage.scene, rigify, action)
+    frames = np.arange(0, len(planted), 9)
+    moved = posed(stage, rigify, names("DEF", ("foot", "toe", "hand")), start + frames)
+    for bone, matrices in moved.items():
+        far, _ = away(rigify, bone, matrices, {body: there[frames] for body, there in wanted.items()})
+        assert far.max() < 4.0, bone
+
+
+def test_fingers_stay_as_they_were_posed(rigify, stage, oncue):  # noqa: F811
+    finger = rigify.pose.bones["f_index.01_master.L"]
+    finger.scale.y, finger.rotation_mode = 0.8, "XYZ"
+    finger.rotation_euler.x = 0.3
+    thumb = rigify.pose.bones["thumb.01_master.R"]
+    thumb.keyframe_insert("scale", frame=1)
+    before = [np.array(bone.matrix_basis) for bone in (finger, thumb)]
+    action = synthesized(stage, oncue, rigify, "IK", "IK")
+    stage.scene.frame_set(50)
+    assert [np.allclose(b.matrix_basis, a) for b, a in zip((finger, thumb), before, strict=True)] == [True, True]
+    curves = oncue("bridge.compat").action_curves(action, rigify)
+    assert not [c.data_path for c in curves if "f_" in c.data_path or "thumb" in c.data_path or "palm" in c.data_path]
 
 
 def test_a_rig_without_its_ik_controls_is_told_so(rigify, stage):  # noqa: F811
