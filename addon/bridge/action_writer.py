@@ -13,13 +13,13 @@ import numpy as np
 
 from .. import quaternions
 from ..errors import SceneError
-from ..key_fit import Channels, Rest, fit, planted_frames
+from ..key_fit import TOLERANCE_MM, TURN, BoneKeys, Channels, Rest, fit, planted_frames
 from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
 from .armature import rest_of, rest_rotations
 from .bones import keyed_channels, put_to_rest
-from .channels import LOCATION, ROTATION, CurveKeys, data_path, rotation_values
+from .channels import ANGLES, LOCATION, ROTATION, CurveKeys, angle_keys, data_path, rotation_values
 from .control_groups import Group, keys_of
 from .curves import every_frame, fitted, write_keys
 from .names import REPORT_KEY
@@ -27,6 +27,8 @@ from .scene_time import frame_rate
 
 #: First and last frame of a scene that nobody has set.
 FACTORY_RANGE = (1, 250)
+#: By how much few keys of angles may play otherwise than those of quaternions, a share of the tolerance of a turn.
+ANGLES_OFF = 0.25
 
 
 class Space(Protocol):
@@ -160,7 +162,7 @@ def write_action(
         keys = _every_frame(character, names, channels, start_frame)
     else:
         few = fit(space.rest(), channels, planted, tolerance_mm)
-        keys = _few(character, names, channels, few, start_frame)
+        keys = _few(character, names, channels, few, tolerance_mm, start_frame)
     units = space.rest().units_per_metre
     beside = (
         keys_of(character, group, values, planted, tolerance_mm, units, start_frame)
@@ -226,16 +228,28 @@ def _every_frame(
 
 
 def _few(
-    character: bpy.types.Object, names: list[str], channels: Channels, few: list, start_frame: int
+    character: bpy.types.Object,
+    names: list[str],
+    channels: Channels,
+    few: list[BoneKeys],
+    tolerance_mm: float,
+    start_frame: int,
 ) -> Iterator[CurveKeys]:
-    """The fitted keys; a bone that does not turn by quaternions is keyed on every frame."""
+    """The fitted keys; a bone that does not turn by quaternions has them as angles, or else one on every frame."""
+    frames = start_frame + np.arange(len(channels.locations), dtype=np.float64)
+    most = ANGLES_OFF * np.radians(TURN * tolerance_mm / TOLERANCE_MM)
     for axis in range(3):
         yield (names[0], LOCATION, axis), fitted(few[0], 4 + axis, start_frame)
-    for (bone, channel, axis), keys in _every_frame(character, names, channels, start_frame):
-        if channel != LOCATION:
+    for joint, bone in enumerate(names):
+        mode = character.pose.bones[bone].rotation_mode
+        channel, values = rotation_values(mode, channels.rotations[:, joint])
+        keys: BoneKeys | None = few[joint]
+        if channel != ROTATION:
+            keys = angle_keys(few[joint], values, mode, most) if channel == ANGLES else None
+        for axis in range(values.shape[1]):
             yield (
                 (bone, channel, axis),
-                (fitted(few[names.index(bone)], axis, start_frame) if channel == ROTATION else keys),
+                every_frame(frames, values[:, axis]) if keys is None else fitted(keys, axis, start_frame),
             )
 
 

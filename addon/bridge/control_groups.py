@@ -10,10 +10,9 @@ import bpy
 import numpy as np
 
 from ..key_fit import BoneKeys, Marks, Numbers
-from .channels import LOCATION, ROTATION, CurveKeys, rotation_values
+from .channels import ANGLES, LOCATION, ROTATION, CurveKeys, rotation_values
 from .curves import every_frame, fitted
 
-ANGLES = "rotation_euler"
 #: Ways to turn, as Blender calls them.
 QUATERNIONS, EULER = "QUATERNION", "ZXY"
 

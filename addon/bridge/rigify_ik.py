@@ -22,8 +22,8 @@ from .. import quaternions
 from ..errors import SceneError
 from ..key_fit import TOLERANCE_MM, TURN, BoneKeys, Channels, Marks, Rest, fit
 from ..rig import Array
-from .channels import LOCATION, ROTATION
-from .control_groups import ANGLES, Group
+from .channels import ANGLES, LOCATION, ROTATION
+from .control_groups import Group
 
 LEGS, ARMS = "legs", "arms"
 #: What a scene says of limbs that are moved by IK.

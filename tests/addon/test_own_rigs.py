@@ -588,10 +588,30 @@ def tweaked(context):
     return person
 
 
+def led_by_ik(context):
+    """A control rig of another maker: a leg that follows a target and a pole by Blender's IK."""
+    person = make_person("unreal", 1.8)
+    context.view_layer.objects.active = person
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = person.data.edit_bones
+    for name, place in (("c_foot_ik_l", bones["foot_l"].head.copy()), ("c_pole_l", bones["calf_l"].head.copy())):
+        bone = bones.new(name)
+        bone.head, bone.tail, bone.use_deform = place, place + type(place)((0.0, -0.1, 0.0)), False
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bend = person.pose.bones["calf_l"].constraints.new("IK")
+    bend.target, bend.subtarget, bend.chain_count = person, "c_foot_ik_l", 2
+    bend.pole_target, bend.pole_subtarget = person, "c_pole_l"
+    return person
+
+
 REFUSED = {
     "no person": (no_person, "Lamp was not recognised as a person: no joint was recognised as"),
     "one arm": (one_armed, "was not recognised as a person: no joint was recognised as LeftArm"),
     "a constraint": (constrained, r"follow others \(thigh_l, by its constraint Copy Rotation\)"),
+    "IK of another maker": (
+        led_by_ik,
+        r"follow others \(calf_l, by its constraint IK\), .* choose a skeleton without controls",
+    ),
     "uneven": (uneven, "scaled unevenly"),
     "tiny": (tiny, "0.05 m over its soles, as nobody has"),
     "a driver": (driven, "has a driver on"),
