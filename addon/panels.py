@@ -14,6 +14,7 @@ from .bridge.cue_objects import KINDS
 from .bridge.names import AT_FRAME_KEY, CUE_KEY, FIRST_FRAME_KEY, HOLD_KEY, LAST_FRAME_KEY
 from .bridge.pins import Pin, read_pins
 from .bridge.puppet import is_own_skeleton, who_acts
+from .bridge.rigify import is_rigify
 from .bridge.shown_cues import (
     ENDS,
     FEET,

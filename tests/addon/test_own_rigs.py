@@ -826,7 +826,7 @@ def test_resolve_adapts_a_rigify_rig(rigify, stage, oncue):
     bpy.ops.oncue.synthesize()
     # It is told with the take, not when Re-solve is pressed.
     (said,) = [said for said in session.problems_of(played(oncue, stage.scene)[1]) if "turn by angles" in said]
-    assert said.startswith("rig has bones that turn by angles (shoulder.L and 1 more): ")
+    assert said.startswith("rig has bones that turn by angles (shoulder.L and 1 more), and Re-solve will not adapt")
     with pytest.raises(RuntimeError, match=r"shoulder\.. does not turn by quaternions"):
         bpy.ops.oncue.resolve()
     for side in "LR":

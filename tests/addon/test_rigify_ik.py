@@ -6,6 +6,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 import pytest
+from people import make_person
 
 from .test_own_rigs import chosen, cue, played, refused, rigify, stage, turned  # noqa: F401
 
@@ -307,6 +308,36 @@ def test_a_rig_that_is_turned_and_scaled_is_followed_too(rigify, stage, oncue): 
     for bone, matrices in moved.items():
         far, _ = away(rigify, bone, matrices, {body: there[frames] for body, there in wanted.items()})
         assert far.max() < 4.0, bone
+
+
+class Layout:
+    """Notes which settings a panel shows."""
+
+    def __init__(self, shown):
+        self.shown = shown
+
+    def prop(self, _owner, name, **_):
+        self.shown.append(name)
+
+    def panel(self, *_args, **_options):
+        return self, None
+
+    def __getattr__(self, _name):
+        return lambda *_args, **_options: Layout(self.shown)
+
+
+def test_legs_and_arms_are_asked_for_a_rigify_rig_alone(rigify, stage, oncue):  # noqa: F811
+    def shown():
+        settings = []
+        panel = type("Panel", (), {"layout": Layout(settings)})()
+        oncue("panels").ONCUE_PT_settings.draw(panel, bpy.context)
+        return {"rig_legs", "rig_arms"} & set(settings)
+
+    assert shown() == set()
+    chosen(stage, rigify)
+    assert shown() == {"rig_legs", "rig_arms"}
+    chosen(stage, make_person("unreal", 1.8))
+    assert shown() == set()
 
 
 def test_fingers_stay_as_they_were_posed(rigify, stage, oncue):  # noqa: F811
