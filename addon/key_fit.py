@@ -136,23 +136,22 @@ def fit(
     tolerance_mm: float,
     played: Channels | None = None,
     stays: Marks | None = None,
+    *,
+    as_one: bool = False,
+    own: dict[str, tuple[float, float]] | None = None,
 ) -> list[BoneKeys]:
     """The new keys of each bone for one pose a frame, no further from it than the tolerance at frames and between them.
 
     `planted` (frames, 2): whether left and right foot stand. Where `stays` (frames, bones) says so, the curves stay
-    from a frame to the next as `played` has them at every half frame.
+    from a frame to the next as `played` has them at every half frame. `as_one`: all bones share their keys. `own`: of
+    bones that are no person's, by how many tolerances their heads may be off and they may be turned.
     """
     count = len(wanted.locations)
     metres = tolerance_mm / 1000.0
     degrees = TURN * tolerance_mm / TOLERANCE_MM
+    shares = [(own or {}).get(name, (PLACES.get(name, math.inf), TURNS.get(name, 1.0))) for name in rest.names]
     tolerances = np.array(
-        [
-            (
-                PLACES.get(name, math.inf) * metres * rest.units_per_metre,
-                math.radians(TURNS.get(name, 1.0) * degrees),
-            )
-            for name in rest.names
-        ]
+        [(place * metres * rest.units_per_metre, math.radians(turn * degrees)) for place, turn in shares]
     ).reshape(-1, 2)
     stands = np.zeros((count, len(rest.names)), dtype=bool)
     keyed: dict[str, list[int]] = {}
@@ -165,7 +164,7 @@ def fit(
             if bone in rest.names:
                 stands[:-1, rest.names.index(bone)] = steady
     limbs = []
-    for limb in limbs_of(rest):
+    for limb in [list(range(len(rest.names)))] if as_one else limbs_of(rest):
         frames = {frame for bone in limb for frame in keyed.get(rest.names[bone], [])}
         limbs.append((limb, sorted(frames)))
     fitted = native.core.fit_keys(

@@ -23,6 +23,7 @@ from .bridge.names import (
 )
 from .bridge.pins import Pin, read_pins
 from .bridge.puppet import is_own_skeleton, who_acts
+from .bridge.rigify import is_rigify
 from .bridge.shown_cues import (
     ENDS,
     FEET,
@@ -287,6 +288,10 @@ class ONCUE_PT_settings(OncuePanel, bpy.types.Panel):
             layout.prop(settings, name)
         layout.operator("oncue.toggle_exclude")
         layout.operator("oncue.reset_character")
+        character = settings.character
+        if character is not None and character.type == "ARMATURE" and is_rigify(character):
+            layout.prop(settings, "rig_legs", expand=True)
+            layout.prop(settings, "rig_arms", expand=True)
         _draw_bones(context, layout)
 
 

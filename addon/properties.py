@@ -148,6 +148,24 @@ class OncueSettings(bpy.types.PropertyGroup):
         ],
         default="HIPS",
     )
+    rig_legs: EnumProperty(
+        name="Legs",
+        description="The controls of a Rigify rig's legs that get the keys",
+        items=[
+            ("IK", "IK", "The feet's controls with their roll, the toes' and the knees' poles"),
+            ("FK", "FK", "Thighs, shins, feet and toes"),
+        ],
+        default="IK",
+    )
+    rig_arms: EnumProperty(
+        name="Arms",
+        description="The controls of a Rigify rig's arms that get the keys",
+        items=[
+            ("IK", "IK", "The hands' controls and the elbows' poles"),
+            ("FK", "FK", "Upper arms, forearms and hands"),
+        ],
+        default="FK",
+    )
     key_tolerance: FloatProperty(
         name="Key Tolerance",
         description="How far few keys may leave hands, feet and hips from the motion, millimetres; joints turn by up "

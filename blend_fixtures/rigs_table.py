@@ -35,6 +35,8 @@ TASKS = (
 )
 HEIGHTS = (1.2, 1.5, 1.75, 1.95)
 OWN = "Oncue's own"
+#: Rigs of Rigify, and by which controls their legs and arms have their keys.
+RIGIFY = {"rigify by FK": ("FK", "FK"), "rigify by IK": ("IK", "FK")}
 #: A foot is planted on a frame of the scene where it is at both of the core's beside it.
 PLANTED = 0.9
 #: Frames at the end in which the person sits.
@@ -68,9 +70,10 @@ def main(arguments: list[str]) -> None:
     options = parser.parse_args(arguments)
     addon.register()
     cache, rows = pipeline.LibraryCache(), []
-    for k, kind in enumerate(options.rigs or [*RIGS, "rigify", OWN]):
+    kinds = [*RIGS, *RIGIFY, OWN]
+    for kind in options.rigs or kinds:
         for n, (room, number) in enumerate(TASKS):
-            height = HEIGHTS[(k + n) % len(HEIGHTS)]
+            height = HEIGHTS[(kinds.index(kind) + n) % len(HEIGHTS)]
             row = run(kind, height, room, number, cache)
             rows.append(row)
             print(line(row), flush=True)
@@ -87,7 +90,8 @@ def run(kind: str, height: float, room: str, number: str, cache: pipeline.Librar
     if kind == OWN:
         height = 1.8
     else:
-        scene.oncue.character = make_rigify(height) if kind == "rigify" else make_person(kind, height)
+        scene.oncue.character = make_rigify(height) if kind in RIGIFY else make_person(kind, height)
+        scene.oncue.rig_legs, scene.oncue.rig_arms = RIGIFY.get(kind, ("IK", "FK"))
     bpy.context.view_layer.update()
     request, notes = session.read_request(bpy.context)
     outcome = pipeline.run_blocking(pipeline.synthesis_steps(request, cache))
@@ -178,9 +182,19 @@ HEADS = (
 )
 
 
+def summary(rows: list[Row]) -> str:
+    soles, drift = (np.concatenate([getattr(row, name) for row in rows]) for name in ("soles_mm", "drift_mm"))
+    met, sound = sum(row.met for row in rows), sum(not row.problems for row in rows)
+    return (
+        f"Of {len(rows)} runs {met} met their cue and {sound} have no problem; planted soles lie within "
+        f"{np.percentile(soles, 5):.1f} and {np.percentile(soles, 95):.1f} mm of the floor in nine of ten frames "
+        f"(lowest {soles.min():.1f}) and move by {np.percentile(drift, 99):.1f} mm a frame at the 99th percentile."
+    )
+
+
 def page(rows: list[Row]) -> str:
-    others = [row for row in rows if row.rig != OWN]
-    soles, drift = (np.concatenate([getattr(row, name) for row in others]) for name in ("soles_mm", "drift_mm"))
+    by_ik = [row for row in rows if RIGIFY.get(row.rig, ("", ""))[0] == "IK"]
+    others = [row for row in rows if row.rig != OWN and row not in by_ik]
     blender = ".".join(map(str, bpy.app.version))
     made = f"{datetime.date.today()}, {os.cpu_count()} cores, {platform.machine()}, Blender {blender}"
     return "\n".join(
@@ -194,11 +208,10 @@ def page(rows: list[Row]) -> str:
             "height; beside them Oncue's own character, 1.8 m. Measured on the skins and bones that Blender evaluates,",
             "on each frame of what was written with few keys. *Hips off*: the middle of the hip joints from where the",
             "cue has it for a body of that size. *Soles*: the lowest of a foot over the start's floor while planted.",
+            "The rig of Rigify sits down twice: by FK, and with its legs on their IK controls.",
             "",
-            f"Of {len(others)} runs {sum(row.met for row in others)} met their cue and "
-            f"{sum(not row.problems for row in others)} have no problem; planted soles lie within "
-            f"{np.percentile(soles, 5):.1f} and {np.percentile(soles, 95):.1f} mm of the floor in nine of ten frames "
-            f"(lowest {soles.min():.1f}) and move by {np.percentile(drift, 99):.1f} mm a frame at the 99th percentile.",
+            *([summary(others)] if others else []),
+            *(["", f"With legs by IK: {summary(by_ik)}"] if by_ik else []),
             "",
             f"| {' | '.join(HEADS)} |",
             "|" + "---|" * len(HEADS),

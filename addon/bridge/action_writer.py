@@ -3,29 +3,32 @@
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 import bpy
 import numpy as np
-from mathutils import Euler, Quaternion
 
 from .. import quaternions
 from ..errors import SceneError
-from ..key_fit import Channels, Rest, fit, planted_frames
+from ..key_fit import TOLERANCE_MM, TURN, BoneKeys, Channels, Rest, fit, planted_frames
 from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
 from . import compat
 from .armature import rest_of, rest_rotations
 from .bones import keyed_channels, put_to_rest
-from .curves import Keys, every_frame, fitted, write_keys
+from .channels import ANGLES, LOCATION, ROTATION, CurveKeys, angle_keys, data_path, rotation_values
+from .control_groups import Group, keys_of
+from .curves import every_frame, fitted, write_keys
 from .names import REPORT_KEY
 from .scene_time import frame_rate
 
 #: First and last frame of a scene that nobody has set.
 FACTORY_RANGE = (1, 250)
-LOCATION, ROTATION = "location", "rotation_quaternion"
+#: By how much few keys of angles may play otherwise than those of quaternions, a share of the tolerance of a turn.
+ANGLES_OFF = 0.25
 
 
 class Space(Protocol):
@@ -35,13 +38,26 @@ class Space(Protocol):
     bones: list[str]
     #: The core's joint that each shows; −1 for a first one that only carries the others.
     joints: list[int]
+    #: Controls that are keyed beside these.
+    groups: list[Group]
     #: Whether `motion` is the exact inverse of `channels`: the rig's proportions are the core's.
     is_exact: bool
 
     def channels(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]: ...
-    def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion: ...
+    def motion(
+        self,
+        locations: np.ndarray,
+        rotations: np.ndarray,
+        frame_rate: float,
+        beside: Sequence[np.ndarray] = (),
+        way: np.ndarray | None = None,
+    ) -> Motion: ...
     def rest(self) -> Rest: ...
     def at(self, frame: int) -> Space: ...
+    def beside(self, motion: Motion, way: np.ndarray | None = None) -> list[np.ndarray]:
+        """What each of `groups` plays, (frames, its columns). `way`, (frames, 4, 4): what carries all of the body,
+        armature space."""
+        ...
 
 
 class Root(Protocol):
@@ -66,6 +82,7 @@ class BoneSpace:
     ) -> None:
         #: As of a `Space`.
         self.bones, self.joints, self.is_exact = list(names), list(range(len(names))), True
+        self.groups: list[Group] = []
         self._character, self._matrix_world = character, matrix_world
         rest = rest_rotations(character, names)
         self._rest_root = rest[0]
@@ -87,7 +104,7 @@ class BoneSpace:
         rotations = multiply(multiply(self._into * CONJUGATE, rotations), self._into)
         return locations, quaternions.continuous(rotations)
 
-    def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion:
+    def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float, _beside=(), _way=None) -> Motion:
         """The inverse of `channels`."""
         positions = locations @ self._rest_root.T + self._root_head
         positions = (positions @ self._to_world[:3, :3].T + self._to_world[:3, 3]) * self._metres
@@ -102,6 +119,10 @@ class BoneSpace:
     def rest(self) -> Rest:
         """How the bones hang on each other."""
         return rest_of(self._character, self.bones, self._metres, self._matrix_world)
+
+    def beside(self, _motion: Motion, _way: np.ndarray | None = None) -> list[np.ndarray]:
+        """None: all that is keyed are its bones."""
+        return []
 
 
 def write_action(
@@ -135,14 +156,19 @@ def write_action(
     if root is not None:
         space = root.write(curves, space, sampled, start_frame, tolerance_mm)
     channels = Channels(*space.channels(sampled))
+    stands = np.zeros((0, 2), dtype=np.float32) if contacts is None else contacts
+    planted = planted_frames(stands, motion.frame_rate, frame_rate(context.scene), len(sampled))
     if tolerance_mm is None:
         keys = _every_frame(character, names, channels, start_frame)
     else:
-        stands = np.zeros((0, 2), dtype=np.float32) if contacts is None else contacts
-        planted = planted_frames(stands, motion.frame_rate, frame_rate(context.scene), len(sampled))
         few = fit(space.rest(), channels, planted, tolerance_mm)
-        keys = _few(character, names, channels, few, start_frame)
-    for (bone, channel, axis), written in keys:
+        keys = _few(character, names, channels, few, tolerance_mm, start_frame)
+    units = space.rest().units_per_metre
+    beside = (
+        keys_of(character, group, values, planted, tolerance_mm, units, start_frame)
+        for group, values in zip(space.groups, space.beside(sampled), strict=True)
+    )
+    for (bone, channel, axis), written in itertools.chain(keys, *beside):
         write_keys(curves.new(data_path(bone, channel), axis, bone), written)
     _keep_previous(character)
     if report is not None:
@@ -187,10 +213,6 @@ def _sampled(
     return space or BoneSpace(character, names, metres_per_unit), resample(motion, frame_rate(context.scene))
 
 
-#: The keys of one curve, by its bone, channel and axis.
-CurveKeys = tuple[tuple[str, str, int], Keys]
-
-
 def _every_frame(
     character: bpy.types.Object, names: list[str], channels: Channels, start_frame: int
 ) -> Iterator[CurveKeys]:
@@ -206,33 +228,29 @@ def _every_frame(
 
 
 def _few(
-    character: bpy.types.Object, names: list[str], channels: Channels, few: list, start_frame: int
+    character: bpy.types.Object,
+    names: list[str],
+    channels: Channels,
+    few: list[BoneKeys],
+    tolerance_mm: float,
+    start_frame: int,
 ) -> Iterator[CurveKeys]:
-    """The fitted keys; a bone that does not turn by quaternions is keyed on every frame."""
+    """The fitted keys; a bone that does not turn by quaternions has them as angles, or else one on every frame."""
+    frames = start_frame + np.arange(len(channels.locations), dtype=np.float64)
+    most = ANGLES_OFF * np.radians(TURN * tolerance_mm / TOLERANCE_MM)
     for axis in range(3):
         yield (names[0], LOCATION, axis), fitted(few[0], 4 + axis, start_frame)
-    for (bone, channel, axis), keys in _every_frame(character, names, channels, start_frame):
-        if channel != LOCATION:
+    for joint, bone in enumerate(names):
+        mode = character.pose.bones[bone].rotation_mode
+        channel, values = rotation_values(mode, channels.rotations[:, joint])
+        keys: BoneKeys | None = few[joint]
+        if channel != ROTATION:
+            keys = angle_keys(few[joint], values, mode, most) if channel == ANGLES else None
+        for axis in range(values.shape[1]):
             yield (
                 (bone, channel, axis),
-                (fitted(few[names.index(bone)], axis, start_frame) if channel == ROTATION else keys),
+                every_frame(frames, values[:, axis]) if keys is None else fitted(keys, axis, start_frame),
             )
-
-
-def rotation_values(rotation_mode: str, quaternions: np.ndarray) -> tuple[str, np.ndarray]:
-    """The channel that turns a bone of this mode, and its values (frames, axes) for quaternions (frames, 4)."""
-    if rotation_mode == "QUATERNION":
-        return ROTATION, quaternions
-    if rotation_mode == "AXIS_ANGLE":
-        length = np.linalg.norm(quaternions[:, 1:], axis=1, keepdims=True)
-        axes = np.where(length > 1e-9, quaternions[:, 1:] / np.maximum(length, 1e-9), (0.0, 1.0, 0.0))
-        return "rotation_axis_angle", np.hstack([2.0 * np.arctan2(length, quaternions[:, :1]), axes])
-    angles: list[Euler] = []
-    for quaternion in quaternions:
-        turn = Quaternion(quaternion)
-        # Of the angles that turn alike those that are nearest to the frame before.
-        angles.append(turn.to_euler(rotation_mode, angles[-1]) if angles else turn.to_euler(rotation_mode))
-    return "rotation_euler", np.array(angles, dtype=np.float64).reshape(-1, 3)
 
 
 def _show_frames(scene: bpy.types.Scene, action: bpy.types.Action, first: int, count: int) -> None:
@@ -267,10 +285,6 @@ def _is_nobodys_shot(scene: bpy.types.Scene, last: int) -> bool:
     return all(data.action is None or data.action.frame_range[1] <= last for data in others) and not any(
         len(data.drivers) or len(data.nla_tracks) for data in others
     )
-
-
-def data_path(bone: str, channel: str) -> str:
-    return f'pose.bones["{bone}"].{channel}'
 
 
 def _keep_previous(character: bpy.types.Object) -> None:

@@ -12,7 +12,7 @@ from ..errors import SceneError
 from ..motion import Motion
 from .curves import read_places
 from .pins import Pin
-from .solved import Curves, Solved, channels_of, column_curves, columns_of
+from .solved import Columns, Curves, Solved
 
 #: A key that differs by less from what was written is what was written: the file keeps single precision.
 SAME = 2e-6
@@ -26,14 +26,14 @@ class EveryFrame:
     def __init__(
         self,
         solved: Solved,
-        names: list[str],
+        columns: Columns,
         curves: Curves,
         character: bpy.types.Object,
         pins: list[Pin],
     ) -> None:
-        self.solved, self.names, self._pins = solved, names, pins
+        self.solved, self.columns, self.names, self._pins = solved, columns, columns.names, pins
         self._character = character
-        self._curves = column_curves(curves, names)
+        self._curves = columns.curves(curves)
         #: What stands there now, NaN where a key is missing.
         self.now = self._read()
         #: The same with what plays where a key is missing.
@@ -63,7 +63,7 @@ class EveryFrame:
         differs = np.abs(self.now - self.solved.keys) > SAME
         found: dict[int, set[int]] = {}
         for joint in range(len(self.names)):
-            frames = np.flatnonzero(differs[:, columns_of(joint)].any(axis=1))
+            frames = np.flatnonzero(differs[:, self.columns.of(joint)].any(axis=1))
             if len(frames):
                 found[joint] = set(frames.tolist())
         for pin in self._pins:
@@ -82,7 +82,7 @@ class EveryFrame:
         own = [pin for pin in self._pins if pin.is_key]
         found: dict[int, set[int]] = {}
         for joint, bone in enumerate(self.names):
-            missing = np.flatnonzero(np.isnan(self.now[:, columns_of(joint)]).any(axis=1))
+            missing = np.flatnonzero(np.isnan(self.now[:, self.columns.of(joint)]).any(axis=1))
             kept = [(p.first_frame, p.last_frame) for p in own if p.bone == bone]
             frames = {
                 int(frame)
@@ -94,7 +94,7 @@ class EveryFrame:
         return found
 
     def _is_keyed(self, frame: int, joint: int) -> bool:
-        return bool(np.isfinite(self.now[frame, columns_of(joint)]).all())
+        return bool(np.isfinite(self.now[frame, self.columns.of(joint)]).all())
 
     def write(
         self, motion: Motion, values: np.ndarray, _contacts, held: dict[int, set[int]], _changed=None
@@ -116,8 +116,8 @@ class EveryFrame:
         free = np.zeros(values.shape, dtype=bool)
         free[touched] = True
         for joint, frames in held.items():
-            free[np.ix_(sorted(frames), columns_of(joint))] = False
-        self._write(signed(values, self.solved.keys), free)
+            free[np.ix_(sorted(frames), self.columns.of(joint))] = False
+        self._write(signed(values, self.solved.keys, self.columns), free)
         return int(touched[0]), int(touched[-1])
 
     def _write(self, values: np.ndarray, free: np.ndarray) -> None:
@@ -157,7 +157,7 @@ class EveryFrame:
     def _played(self) -> np.ndarray:
         """`now` with what plays at the frames that have no key: what lies between others, or the bone's own posture."""
         played = self.now.copy()
-        for column, (bone, channel, axis) in enumerate(channels_of(self.names)):
+        for column, (bone, channel, axis) in enumerate(self.columns.channels()):
             missing, curve = np.flatnonzero(np.isnan(played[:, column])), self._curves[column]
             if curve is None or not len(curve.keyframe_points):
                 played[missing, column] = getattr(self._character.pose.bones[bone], channel)[axis]
@@ -167,10 +167,10 @@ class EveryFrame:
         return played
 
 
-def signed(values: np.ndarray, like: np.ndarray) -> np.ndarray:
-    """Channels (frames, columns) with their quaternions' signs as others have them, so that none jumps at the seams."""
+def signed(values: np.ndarray, like: np.ndarray, columns: Columns) -> np.ndarray:
+    """Rows (frames, columns) with their quaternions' signs as others have them, so that none jumps at the seams."""
     out = values.copy()
-    for first in range(3, values.shape[1], 4):
+    for _, first in columns.turns():
         quaternion = slice(first, first + 4)
         sign = np.sum(values[:, quaternion] * like[:, quaternion], axis=1, keepdims=True)
         out[:, quaternion] *= np.where(sign < 0.0, -1.0, 1.0)

@@ -25,7 +25,7 @@ from .curves import (
 )
 from .every_frame import SAME, signed
 from .pins import Pin
-from .solved import OF_A_KEY, Curves, Solved, channels_of, column_curves, columns_of, with_written
+from .solved import OF_A_KEY, Columns, Curves, Solved, with_written
 
 #: How far a handle may be from where it was written, frames and channels, and be the same: Blender aligns and rounds.
 SAME_HANDLE = 1e-4
@@ -61,18 +61,18 @@ class FewKeys:
     def __init__(
         self,
         solved: Solved,
-        names: list[str],
+        columns: Columns,
         curves: Curves,
         character: bpy.types.Object,
         pins: list[Pin],
         rest: Rest,
         tolerance_mm: float,
     ) -> None:
-        self.solved, self.names, self._pins = solved, names, pins
+        self.solved, self.columns, self.names, self._pins = solved, columns, columns.names, pins
         self._all, self._rest, self._tolerance_mm = curves, rest, tolerance_mm
-        self._curves = column_curves(curves, names)
+        self._curves = columns.curves(curves)
         self._count = len(solved.keys)
-        poses = [getattr(character.pose.bones[bone], channel)[axis] for bone, channel, axis in channels_of(names)]
+        poses = [getattr(character.pose.bones[bone], channel)[axis] for bone, channel, axis in columns.channels()]
         #: What plays at every half frame of the motion, (times, columns); a bone's own posture where there is no curve.
         self._halves = self._played(np.array(poses, dtype=np.float32))
         #: The same at the frames.
@@ -82,7 +82,7 @@ class FewKeys:
         self._written = solved.written or []
         self._keys = [self._compared(column) for column in range(len(self._curves))]
         self._released = self._find_released()
-        self._shaped = [self._find_shaped(joint) for joint in range(len(names))]
+        self._shaped = [self._find_shaped(joint) for joint in range(len(self.names))]
 
     def is_as(self, other: object) -> bool:
         """Whether all that plays, and each key, are still those of an earlier look."""
@@ -97,7 +97,7 @@ class FewKeys:
 
     def share_of_run(self) -> float:
         """The share of what was written, joint by joint, that still plays so."""
-        joints = [self._differs[:, columns_of(joint)].any(axis=1) for joint in range(len(self.names))]
+        joints = [self._differs[:, self.columns.of(joint)].any(axis=1) for joint in range(len(self.names))]
         return 1.0 - float(np.mean(joints)) if self._count else 1.0
 
     def artist_keys(self) -> dict[int, set[int]]:
@@ -133,7 +133,7 @@ class FewKeys:
 
     def _common(self, joint: int) -> np.ndarray:
         """The times at which all of a joint's curves have a key, which are the ends of what can be told apart."""
-        columns = [c for c in columns_of(joint) if self._curves[c] is not None]
+        columns = [c for c in self.columns.of(joint) if self._curves[c] is not None]
         if not columns:
             return np.empty(0)
         times = self._places[columns[0]][:, 0]
@@ -146,8 +146,8 @@ class FewKeys:
         found = []
         for pin in self._kept_pins():
             joint, stretch = self.names.index(pin.bone), self._stretch(pin)
-            had = any(self._within(self._written[c], pin)[:, 6].max(initial=0.0) > 0.5 for c in columns_of(joint))
-            has = any(len(self._within(self._places[c][self._keys[c].own], pin)) for c in columns_of(joint))
+            had = any(self._within(self._written[c], pin)[:, 6].max(initial=0.0) > 0.5 for c in self.columns.of(joint))
+            has = any(len(self._within(self._places[c][self._keys[c].own], pin)) for c in self.columns.of(joint))
             if stretch is not None and had and not has:
                 found.append((pin, stretch))
         return found
@@ -174,12 +174,12 @@ class FewKeys:
         bounds = np.array([start, *inner, end]) if end > start else np.array([start, start])
         touched = np.zeros(len(bounds) - 1, dtype=bool)
         released = [stretch for pin, stretch in self._released if pin.bone == self.names[joint]]
-        for column in columns_of(joint):
+        for column in self.columns.of(joint):
             keys = self._keys[column]
             _touch(touched, bounds, keys.times[keys.fresh])
             _touch(touched, bounds, keys.times[keys.bent[0]], (-1,))
             _touch(touched, bounds, keys.times[keys.bent[1]], (0,))
-        different = np.flatnonzero(self._differs[:, columns_of(joint)].any(axis=1))
+        different = np.flatnonzero(self._differs[:, self.columns.of(joint)].any(axis=1))
         _touch(touched, bounds, start + different)
         for pin in self._kept_pins():
             stretch = self._stretch(pin)
@@ -220,7 +220,8 @@ class FewKeys:
             changed[stretch.first : stretch.last + 1, self.names.index(pin.bone)] = True
         stays = np.ones((self._count, len(self.names)), dtype=bool)
         ends = []
-        for limb in limbs_of(self._rest):
+        beside = [[joint] for joint in range(len(self.columns.bones), len(self.names))]
+        for limb in [*limbs_of(self._rest), *beside]:
             for first, last in _runs(changed[:, limb].any(axis=1)):
                 begin, end = self._around(limb, first, last, held)
                 stays[begin:end, limb] = False
@@ -234,16 +235,25 @@ class FewKeys:
         self._name_own()
         if not ends:
             return None
-        values = signed(values, self.shown)
+        values = signed(values, self.shown, self.columns)
         for joint, frames in held.items():
             # The core's frames lie between, and what is held plays as it does.
-            within = np.ix_(sorted(frames), columns_of(joint))
+            within = np.ix_(sorted(frames), self.columns.of(joint))
             values[within] = self.shown[within]
         planted = planted_frames(contacts, motion.frame_rate, self.solved.scene_rate, self._count)
-        new = fit(self._rest, _channels(values), planted, self._tolerance_mm, _channels(self._halves), stays)
+        bones = len(self.columns.bones)
+        wanted, played = (Channels(*self.columns.split(rows.astype(np.float64))[:2]) for rows in (values, self._halves))
+        new = fit(self._rest, wanted, planted, self._tolerance_mm, played, stays[:, :bones])
         for joint, keys in enumerate(new):
-            if len(keys.frames):
-                self._write(joint, keys, stays[:, joint])
+            # A location's columns come first here, and last among a bone's channels.
+            channels = range(4) if joint else (4, 5, 6, 0, 1, 2, 3)
+            self._write(joint, [(keys, channel) for channel in channels], stays[:, joint])
+        for joint, group in enumerate(self.columns.groups, bones):
+            if not stays[:, joint].all():
+                own, units = self.columns.of(joint), self._rest.units_per_metre
+                rows = values[:, own].astype(np.float64), self._halves[:, own]
+                few = group.fit(rows[0], planted, self._tolerance_mm, units, rows[1], stays[:, joint])
+                self._write(joint, few, stays[:, joint])
         return min(first for first, _ in ends), max(last for _, last in ends)
 
     def _below(self, limb: list[int]) -> list[int]:
@@ -278,16 +288,15 @@ class FewKeys:
         before, after = np.flatnonzero(keyed[:first]), np.flatnonzero(keyed[last + 1 :])
         return (int(before[-1]) if len(before) else 0), (int(after[0]) + last + 1 if len(after) else self._count - 1)
 
-    def _write(self, joint: int, new: BoneKeys, stays: np.ndarray) -> None:
-        """Has a joint's curves have its new keys where they do not stay, and at the ends of that its new handles."""
+    def _write(self, joint: int, few: list[tuple[BoneKeys, int]], stays: np.ndarray) -> None:
+        """Has a joint's curves have its new keys, each channel of some, where they do not stay, and at the ends of that
+        its new handles."""
         start = self.solved.start_frame
         free = [(start + first, start + last + 1) for first, last in _runs(~stays[:-1])]
-        for axis, column in enumerate(columns_of(joint)):
+        for column, (new, channel) in zip(self.columns.of(joint), few, strict=True):
             curve = self._curves[column]
-            if curve is None:
+            if curve is None or not len(new.frames):
                 continue
-            # A location's columns come first here, and last among a bone's channels.
-            channel = axis if joint else (axis + 4 if axis < 3 else axis - 3)
             keys, fresh = read_keys(curve), fitted(new, channel, start)
             inside = np.zeros(len(keys), dtype=bool)
             for first, last in free:
@@ -320,7 +329,7 @@ class FewKeys:
             column: {(float(row[0]), float(row[1])) for row in self._places[column][self._keys[column].own]}
             for column in range(len(self._curves))
         }
-        return with_written(solved, self._all, self.names, own)
+        return with_written(solved, self._all, self.columns, own)
 
 
 def _nearest(times: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -350,11 +359,6 @@ def _runs(marks: np.ndarray) -> list[tuple[int, int]]:
     """First and last of each row of marks that are set."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]]).astype(np.int8)))
     return [(int(first), int(last) - 1) for first, last in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _channels(flat: np.ndarray) -> Channels:
-    values = flat.astype(np.float64)
-    return Channels(values[:, :3], values[:, 3:].reshape(len(values), -1, 4))
 
 
 def _take_handles(keys: Keys, at: int, fresh: Keys, k: int, new: BoneKeys) -> None:

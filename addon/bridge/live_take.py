@@ -19,8 +19,9 @@ from ..errors import FollowingEnded, SceneError
 from ..motion import Motion
 from ..pipeline import Outcome, Request
 from . import compat, file_state
-from .action_writer import LOCATION, data_path, rewrite_action, rotation_values
+from .action_writer import rewrite_action
 from .bones import clear_channel, leftovers
+from .channels import LOCATION, data_path, rotation_values
 from .names import LIVE_KEY, PINS_KEY, REPORT_KEY, SOLVED_KEY
 from .session import current_action, full_report, report_of
 from .solved import Solved, keep_solved, solved_take

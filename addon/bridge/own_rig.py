@@ -312,15 +312,14 @@ def girth_remark(character: bpy.types.Object, rig: Rig) -> str | None:
 
 
 def turning_remark(character: bpy.types.Object, bones: list[str]) -> str | None:
-    """What is said of bones that are keyed by angles, before a take is made that Re-solve cannot adapt."""
+    """What is said of bones that turn by angles, before a take is made that Re-solve cannot adapt."""
     turned = [bone for bone in bones if character.pose.bones[bone].rotation_mode != "QUATERNION"]
     if not turned:
         return None
     more = f" and {len(turned) - 1} more" if len(turned) > 1 else ""
     return (
-        f"{character.name} has bones that turn by angles ({turned[0]}{more}): they have keys on every frame, and "
-        "Re-solve will not adapt this take. To have it do so, set their Rotation Mode to Quaternion (WXYZ) and "
-        "synthesize again."
+        f"{character.name} has bones that turn by angles ({turned[0]}{more}), and Re-solve will not adapt this "
+        "take. To have it do so, set their Rotation Mode to Quaternion (WXYZ) and synthesize again."
     )
 
 

@@ -10,7 +10,7 @@ import bpy
 from .. import native
 from ..body_size import clock
 from ..rig import Hold, Rig
-from . import own_rig, rigify
+from . import own_rig, rigify, rigify_ik
 from .action_writer import BoneSpace, Space
 from .armature import find_character, misfit
 from .rig_space import RigSpace
@@ -30,6 +30,8 @@ class Puppet:
     size: float
     #: Metres for a unit of the scene.
     scene_scale: float
+    #: Which limbs of a Rigify rig are moved by their IK controls.
+    ik: tuple[str, ...] = ()
 
     @property
     def bones(self) -> list[str]:
@@ -58,8 +60,9 @@ class Puppet:
         assert self.character is not None  # made by now
         if self.rig is None:
             return BoneSpace(self.character, self.bones, self.metres_per_unit, matrix_world)
-        kind = rigify.ControlSpace if self.is_control_rig else RigSpace
-        return kind(self.character, self.rig, self.metres_per_unit, matrix_world, holds)
+        if self.is_control_rig:
+            return rigify.ControlSpace(self.character, self.rig, self.metres_per_unit, matrix_world, holds, self.ik)
+        return RigSpace(self.character, self.rig, self.metres_per_unit, matrix_world, holds)
 
 
 def puppet_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> Puppet:
@@ -69,7 +72,8 @@ def puppet_of(character: bpy.types.Object | None, scene: bpy.types.Scene) -> Pup
     if character is None or is_own_skeleton(character, skeleton):
         return Puppet(character, None, 1.0, scale)
     rig = own_rig.rig_of(character, skeleton)
-    return Puppet(character, rig, own_rig.size_of(character, rig, scale), scale)
+    ik = rigify_ik.asked(scene.oncue) if rigify.is_rigify(character) else ()
+    return Puppet(character, rig, own_rig.size_of(character, rig, scale), scale, ik)
 
 
 def is_own_skeleton(character: bpy.types.Object, skeleton: dict) -> bool:

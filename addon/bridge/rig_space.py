@@ -10,6 +10,7 @@ from ..key_fit import Rest
 from ..motion import Motion
 from ..rig import Hold, Rig
 from .armature import rest_of
+from .control_groups import Group
 
 
 class RigSpace:
@@ -25,6 +26,7 @@ class RigSpace:
     ) -> None:
         """`metres_per_unit`: of the core, so that the rig is as large as its body."""
         self.bones, self.joints, self.is_exact = rig.bones, rig.joints, False
+        self.groups: list[Group] = []
         self._character, self._matrix_world = character, matrix_world
         self._rig, self._metres, self._holds = rig, metres_per_unit, holds
         world = character.matrix_world if matrix_world is None else matrix_world
@@ -34,13 +36,17 @@ class RigSpace:
         """A motion as locations of the first bone (frames, 3) and quaternions (frames, bones, 4)."""
         return self._rig.channels(motion, self._to_world, self._metres, self._holds)
 
-    def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion:
+    def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float, _beside=(), _way=None) -> Motion:
         """The inverse of `channels`, but for the proportions."""
         return self._rig.motion(locations, rotations, frame_rate, self._to_world, self._metres)
 
     def at(self, _frame: int) -> RigSpace:
         """The same for motions of one frame of a take."""
         return self
+
+    def beside(self, _motion: Motion, _way: np.ndarray | None = None) -> list[np.ndarray]:
+        """None: all that is keyed are its bones."""
+        return []
 
     def rest(self) -> Rest:
         """How the bones hang on each other."""

@@ -11,7 +11,7 @@ Whether the rig follows is looked at once it is written (`off_by`).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -22,7 +22,9 @@ from .. import quaternions
 from ..key_fit import Rest
 from ..motion import Motion
 from ..rig import Array, Hold, RestRig, Rig
+from . import rigify_ik
 from .rig_space import RigSpace
+from .rigify_ik import ARMS, LEGS, Switch
 
 BODY = "ORG-"
 #: Bones that only rigs of Rigify's human have.
@@ -72,17 +74,34 @@ CONTROLS = [
     *_limbs("L"),
     *_limbs("R"),
 ]
-#: Switches of the rig and what they are keyed to: arms and legs by FK, neck and head with what carries them.
-SWITCHES = [
-    *((f"{limb}_parent.{side}", "IK_FK", 1.0) for limb in ("upper_arm", "thigh") for side in "LR"),
-    *((f"{limb}_parent.{side}", "FK_limb_follow", 0.0) for limb in ("upper_arm", "thigh") for side in "LR"),
-    ("torso", "neck_follow", 1.0),
-    ("torso", "head_follow", 1.0),
-]
+#: What neck and head are switched to: they go with what carries them.
+OF_THE_HEAD = (("torso", "neck_follow", 1.0), ("torso", "head_follow", 1.0))
+#: The bones that have the switches of limbs.
+MASTERS = {ARMS: "upper_arm_parent", LEGS: "thigh_parent"}
+
+
+def switches_of(character: bpy.types.Object, ik: tuple[str, ...]) -> list[Switch]:
+    """What is keyed so that a rig follows the controls that are written: `ik` says which limbs by IK, the others are
+    moved by FK."""
+    wanted = [*OF_THE_HEAD]
+    for limb, master in MASTERS.items():
+        for side in "LR":
+            wanted += [(f"{master}.{side}", "FK_limb_follow", 0.0)]
+            wanted += [] if limb in ik else [(f"{master}.{side}", "IK_FK", 1.0)]
+    bones = character.pose.bones
+    there = [
+        Switch(bones[bone], f'["{name}"]', value, bone)
+        for bone, name, value in wanted
+        if bone in bones and name in bones[bone]
+    ]
+    return [*there, *rigify_ik.switches_of(character, ik)]
 
 
 #: Other controls that bend the body: what was done by them is no part of a motion.
-BENDING = re.compile(r"^(hips|chest|spine_fk|spine_fk\.001|tweak_spine.*|(thigh|upper_arm)_parent\.[LR]|.+_tweak\..+)$")
+BENDING = re.compile(
+    r"^(hips|chest|spine_fk|spine_fk\.001|tweak_spine.*|(thigh|upper_arm)_(parent|ik)\.[LR]|.+_tweak\..+"
+    r"|(foot|hand)_ik_(pivot|wrist)\.[LR]|hand_ik_wrist\.[LR]|foot_spin_ik\.[LR])$"
+)
 
 
 def bending_controls(character: bpy.types.Object) -> list[str]:
@@ -138,10 +157,20 @@ class ControlSpace(RigSpace):
         metres_per_unit: float,
         matrix_world=None,
         holds: tuple[Hold, ...] = (),
+        ik: tuple[str, ...] = (),
     ) -> None:
+        """`ik`: the limbs that are moved by their IK controls, as of `rigify_ik.asked`. Raises SceneError where the rig
+        has none."""
         super().__init__(character, rig, metres_per_unit, matrix_world, holds)
-        bones = character.data.bones
-        self._controls = [control for control in CONTROLS if control.name in bones and control.goes_with in bones]
+        bones, aside = character.data.bones, rigify_ik.fk_controls(ik)
+        self._controls = [
+            control
+            for control in CONTROLS
+            if control.name in bones and control.goes_with in bones and control.name not in aside
+        ]
+        up = np.linalg.inv(self._to_world)[:3, :3] @ np.array([0.0, 0.0, 1.0])
+        self._limbs = rigify_ik.limbs_of(character, ik, rig.axes[:, 2], up / np.linalg.norm(up))
+        self.groups = [group for limb in self._limbs for group in limb.groups]
         self.bones = [control.name for control in self._controls]
         shown = {bone: joint for joint, bone in rig.mapping["joints"].items()}
         order = rig.joint_names
@@ -174,12 +203,24 @@ class ControlSpace(RigSpace):
         over = [None if control.hangs_on is None else going[control.hangs_on] for control in self._controls]
         return self._hung(over)
 
+    def beside(self, motion: Motion, way: Array | None = None) -> list[Array]:
+        """As of a `Space`."""
+        body = self.wanted(motion) if self._limbs else {}
+        return [values for limb in self._limbs for values in limb.values(body, way)]
+
     def wanted(self, motion: Motion) -> dict[str, Array]:
         """Where the bones of the body are to be, armature space, (frames, 4, 4)."""
         return self._rig.matrices(motion, self._to_world, self._metres, self._holds)
 
-    def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion:
-        """The inverse of `channels`, but for the proportions."""
+    def motion(
+        self,
+        locations: np.ndarray,
+        rotations: np.ndarray,
+        frame_rate: float,
+        beside: Sequence[Array] = (),
+        way: Array | None = None,
+    ) -> Motion:
+        """The inverse of `channels` and `beside`, but for the proportions."""
         turns = quaternions.to_matrix(rotations)
         body: dict[str, Array] = {}
         for k, control in enumerate(self._controls):
@@ -193,15 +234,29 @@ class ControlSpace(RigSpace):
                 before = body[control.hangs_on] @ (np.linalg.inv(self._rest[control.hangs_on]) @ rest)
             posed = before @ basis
             body[control.goes_with] = posed @ (np.linalg.inv(rest) @ self._rest[control.goes_with])
+        left = iter(beside)
+        for limb in self._limbs:
+            body |= limb.bones([next(left) for _ in limb.groups], body, way)
         return self._rig.motion_of_matrices(body, frame_rate, self._to_world, self._metres)
 
 
+#: A knee or an elbow that IK bends may be off by so many times as much as what it lies between: where a limb is nearly
+#: straight, little makes it bend by much.
+OF_THE_MIDDLE = 5.0
+
+
 def off_by(
-    context: bpy.types.Context, character: bpy.types.Object, wanted: dict[str, Array], first_frame: int
+    context: bpy.types.Context,
+    character: bpy.types.Object,
+    wanted: dict[str, Array],
+    ik: tuple[str, ...],
+    first_frame: int,
 ) -> tuple[float, str, int]:
-    """How far the body is from where it is to be, at the worst of some frames: scene units, bone, frame."""
+    """How far the body is from where it is to be, at the worst of some frames: scene units, bone, frame. `ik`: the
+    limbs that are moved by IK, whose middle counts less."""
     scene, worst = context.scene, (0.0, "", first_frame)
     bones = [control.goes_with for control in CONTROLS if control.goes_with in wanted]
+    middle = rigify_ik.middles(ik)
     count = len(wanted[bones[0]])
     now = (scene.frame_current, scene.frame_subframe)
     scale = float(np.cbrt(abs(np.linalg.det(np.array(character.matrix_world, dtype=np.float64)[:3, :3]))))
@@ -210,27 +265,24 @@ def off_by(
         posed = character.evaluated_get(context.evaluated_depsgraph_get())
         for bone in bones:
             away = np.array(posed.pose.bones[bone].head, dtype=np.float64) - wanted[bone][k, :3, 3]
-            worst = max(worst, (float(np.linalg.norm(away)) * scale, bone, first_frame + int(k)))
+            counts = scale / (OF_THE_MIDDLE if bone in middle else 1.0)
+            worst = max(worst, (float(np.linalg.norm(away)) * counts, bone, first_frame + int(k)))
     scene.frame_set(now[0], subframe=now[1])
     return worst
 
 
 @contextmanager
-def switched(character: bpy.types.Object, frame: int) -> Iterator[None]:
+def switched(character: bpy.types.Object, ik: tuple[str, ...], frame: int) -> Iterator[None]:
     """Keys the rig's switches at a frame in the action that it plays; where the block fails they are as before."""
-    there = [
-        (character.pose.bones[bone], name, value)
-        for bone, name, value in SWITCHES
-        if bone in character.pose.bones and name in character.pose.bones[bone]
-    ]
-    before = [(bone, name, bone[name]) for bone, name, _ in there]
+    switches = switches_of(character, ik)
+    before = [(switch, switch.now) for switch in switches]
     try:
-        for bone, name, value in there:
+        for switch in switches:
             # A property of whole numbers stays one.
-            bone[name] = type(bone[name])(value)
-            bone.keyframe_insert(f'["{name}"]', frame=frame, group=bone.name)
+            switch.set(type(switch.now)(switch.value))
+            switch.owner.keyframe_insert(switch.path, frame=frame, group=switch.group)
         yield
     except BaseException:
-        for bone, name, value in before:
-            bone[name] = value
+        for switch, value in before:
+            switch.set(value)
         raise

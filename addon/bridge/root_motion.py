@@ -8,6 +8,7 @@ are to the way. In place nothing carries it, and the body is where it would be i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import bpy
@@ -19,7 +20,8 @@ from ..errors import SceneError
 from ..key_fit import BoneKeys, Channels, Rest, fit
 from ..motion import Motion
 from . import compat
-from .action_writer import LOCATION, ROTATION, Space, data_path, rotation_values
+from .action_writer import Space
+from .channels import LOCATION, ROTATION, data_path, rotation_values
 from .curves import every_frame, fitted, played, write_keys
 from .puppet import Puppet
 from .solved import Curves, Solved, solved_of
@@ -37,6 +39,7 @@ class CarriedSpace:
     def __init__(self, inner: Space, character: bpy.types.Object, way: np.ndarray) -> None:
         """`way` (frames, 4, 4): what carries the first bone's rest place on each frame, armature space."""
         self.inner, self.bones, self.joints, self.is_exact = inner, inner.bones, inner.joints, inner.is_exact
+        self.groups = inner.groups
         self.way, self._character = way, character
         self._rest = np.array(character.data.bones[inner.bones[0]].matrix_local, dtype=np.float64)
 
@@ -44,9 +47,16 @@ class CarriedSpace:
         """As of a `Space`, for a motion at the frames of the way."""
         return self._carried(*self.inner.channels(motion), np.linalg.inv(self.way))
 
-    def motion(self, locations: np.ndarray, rotations: np.ndarray, frame_rate: float) -> Motion:
+    def motion(
+        self,
+        locations: np.ndarray,
+        rotations: np.ndarray,
+        frame_rate: float,
+        beside: Sequence[np.ndarray] = (),
+        _way=None,
+    ) -> Motion:
         """The inverse of `channels` as far as that of `inner` is."""
-        return self.inner.motion(*self._carried(locations, rotations, self.way), frame_rate)
+        return self.inner.motion(*self._carried(locations, rotations, self.way), frame_rate, beside, self.way)
 
     def at(self, frame: int) -> CarriedSpace:
         """The same for motions of this one frame."""
@@ -54,6 +64,10 @@ class CarriedSpace:
 
     def rest(self) -> Rest:
         return self.inner.rest()
+
+    def beside(self, motion: Motion, _way: np.ndarray | None = None) -> list[np.ndarray]:
+        """As of a `Space`, of controls that the same carries."""
+        return self.inner.beside(motion, self.way)
 
     def _carried(self, locations: np.ndarray, rotations: np.ndarray, by: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         basis = _posed(locations, rotations[:, 0])

@@ -544,7 +544,7 @@ def write_outcome(
         if (stands != np.array(character.matrix_world)).any():
             character.matrix_world = Matrix(stands)
         if puppet.is_control_rig:
-            _have_controls_followed(context, puppet, space, motion, begins)
+            _have_controls_followed(context, puppet, space, motion, begins, root)
         action[TAKE_OF_KEY] = character
         mark_cues(action, report_of(action), request.scene_rate)
         play_things(None, played)
@@ -562,7 +562,7 @@ def write_outcome(
         solved = solved_take(scene, character, puppet.bones, motion, contacts, **kept, **placed)
         if root is not None:
             solved = replace(solved, root=f"{root.kind} {root.bone}".strip(), way=root.carried.way)
-        keep_solved(action, solved)
+        keep_solved(action, replace(solved, ik=puppet.ik))
     return action
 
 
@@ -602,13 +602,21 @@ def shot_report(reports: list[dict], refused: list[tuple[str, str]], seed: int) 
 
 
 def _have_controls_followed(
-    context: bpy.types.Context, puppet: Puppet, space: rigify.ControlSpace, motion: Motion, begins: int
+    context: bpy.types.Context,
+    puppet: Puppet,
+    space: rigify.ControlSpace,
+    motion: Motion,
+    begins: int,
+    root: root_motion.RootMotion | None,
 ) -> None:
     """Has a rig of controls follow the keys that were just written. Raises SceneError where it does not."""
     character = puppet.character
     wanted = space.wanted(resample(motion, frame_rate(context.scene)))
-    with rigify.switched(character, begins):
-        away, bone, frame = rigify.off_by(context, character, wanted, begins)
+    if root is not None and root.kind != root_motion.BONE:
+        # The armature itself goes along, or nothing does.
+        wanted = {bone: np.linalg.inv(root.carried.way) @ matrices for bone, matrices in wanted.items()}
+    with rigify.switched(character, puppet.ik, begins):
+        away, bone, frame = rigify.off_by(context, character, wanted, puppet.ik, begins)
         centimetres = 100.0 * away * puppet.scene_scale
         if centimetres > FOLLOWS_CM:
             raise SceneError(

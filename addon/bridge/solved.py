@@ -16,16 +16,19 @@ import numpy as np
 from ..errors import SceneError
 from ..motion import Motion, resample
 from . import compat
-from .action_writer import LOCATION, ROTATION, BoneSpace, Space, data_path
+from .action_writer import BoneSpace, Space
+from .channels import LOCATION, ROTATION, data_path
+from .control_groups import Group
 from .curves import played, read_places
 from .names import SOLVED_KEY
+from .rigify_ik import ARMS, LEGS
 from .scene_time import frame_rate
 
 #: More is no motion, bytes: an hour of one takes 200 million.
 LARGEST_TAKE = 500_000_000
-#: The form of what is kept: the first, which says no number, has a key on every frame, the second few keys, and the
-#: third a body that something carries along its way.
-FEW, FORM = 2, 3
+#: The form of what is kept: the first, which says no number, has a key on every frame, the second few keys, the third
+#: a body that something carries along its way, and the fourth limbs that are moved by IK controls.
+FEW, CARRIED, FORM = 2, 3, 4
 #: Numbers of a written key: of itself and of its two handles frame and value, and whether it is the artist's own.
 OF_A_KEY = 7
 
@@ -47,7 +50,7 @@ class Solved:
     metres_per_unit: float
     #: The armature object's world matrix then, (4, 4).
     matrix_world: np.ndarray
-    #: What played then: (scene frames, 3 + 4 · bones), the first bone's location and the bones' quaternions.
+    #: What played then: (scene frames, columns).
     keys: np.ndarray
     #: The keys of each of these columns then, (keys, OF_A_KEY); None where every frame was keyed.
     written: list[np.ndarray] | None = None
@@ -55,32 +58,72 @@ class Solved:
     #: armature space, (scene frames, 4, 4); None where its first bone goes all the way itself.
     root: str = ""
     way: np.ndarray | None = None
+    #: The limbs of a Rigify rig that are moved by their IK controls.
+    ik: tuple[str, ...] = ()
 
 
-def channels_of(names: list[str]) -> Iterator[tuple[str, str, int]]:
-    """(bone, channel, axis) of each column."""
-    yield from ((names[0], LOCATION, axis) for axis in range(3))
-    yield from ((bone, ROTATION, axis) for bone in names for axis in range(4))
+@dataclass(frozen=True)
+class Columns:
+    """What each column of a take's keys is: the location of the first of its bones, the rotations of all, and after
+    these what groups of controls beside them play."""
+
+    bones: list[str]
+    groups: list[Group]
+
+    @property
+    def names(self) -> list[str]:
+        """By which name each bone and each group is known: its joints, of which some functions speak."""
+        return [*self.bones, *(group.name for group in self.groups)]
+
+    @property
+    def width(self) -> int:
+        return 3 + 4 * len(self.bones) + sum(len(group.columns) for group in self.groups)
+
+    def channels(self) -> Iterator[tuple[str, str, int]]:
+        """(bone, channel, axis) of each column."""
+        yield from ((self.bones[0], LOCATION, axis) for axis in range(3))
+        yield from ((bone, ROTATION, axis) for bone in self.bones for axis in range(4))
+        for group in self.groups:
+            yield from group.columns
+
+    def of(self, joint: int) -> list[int]:
+        """The columns of a joint; the root's has its location too."""
+        if joint < len(self.bones):
+            own = list(range(3 + 4 * joint, 7 + 4 * joint))
+            return [0, 1, 2, *own] if joint == 0 else own
+        before = self.groups[: joint - len(self.bones)]
+        first = 3 + 4 * len(self.bones) + sum(len(group.columns) for group in before)
+        return list(range(first, first + len(self.groups[len(before)].columns)))
+
+    def turns(self) -> list[tuple[str, int]]:
+        """Each bone that turns by quaternions, and the first of its four columns."""
+        return [
+            (bone, k) for k, (bone, channel, axis) in enumerate(self.channels()) if (channel, axis) == (ROTATION, 0)
+        ]
+
+    def curves(self, curves: Curves) -> list[bpy.types.FCurve | None]:
+        """The curve of each column."""
+        return [curves.get((data_path(bone, channel), axis)) for bone, channel, axis in self.channels()]
+
+    def split(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+        """Rows (frames, columns) as locations (frames, 3), rotations (frames, bones, 4), and what each group plays."""
+        end = 3 + 4 * len(self.bones)
+        beside = [rows[:, self.of(len(self.bones) + k)] for k in range(len(self.groups))]
+        return rows[:, :3], rows[:, 3:end].reshape(len(rows), -1, 4), beside
 
 
-def columns_of(joint: int) -> list[int]:
-    """The columns of a joint; the root's has its location too."""
-    own = list(range(3 + 4 * joint, 7 + 4 * joint))
-    return [0, 1, 2, *own] if joint == 0 else own
+def columns_of(space: Space) -> Columns:
+    return Columns(space.bones, space.groups)
+
+
+def rows_of(space: Space, motion: Motion) -> np.ndarray:
+    """What plays a motion, (frames, columns), as `Solved.keys` has it."""
+    locations, rotations = space.channels(motion)
+    return np.hstack([locations, rotations.reshape(len(rotations), -1), *space.beside(motion)])
 
 
 def curves_of(action: bpy.types.Action, character: bpy.types.Object) -> Curves:
     return {(curve.data_path, curve.array_index): curve for curve in compat.action_curves(action, character)}
-
-
-def column_curves(curves: Curves, names: list[str]) -> list[bpy.types.FCurve | None]:
-    """The curve of each column."""
-    return [curves.get((data_path(bone, channel), axis)) for bone, channel, axis in channels_of(names)]
-
-
-def flat(locations: np.ndarray, rotations: np.ndarray) -> np.ndarray:
-    """The channels side by side, as `Solved.keys` has them."""
-    return np.concatenate([locations, rotations.reshape(len(rotations), -1)], axis=1)
 
 
 def solved_take(
@@ -100,17 +143,17 @@ def solved_take(
     character that stands where `matrix_world` says, or else as it does."""
     rate = frame_rate(scene)
     space = space or BoneSpace(character, names, metres_per_unit)
-    names, keys = space.bones, flat(*space.channels(resample(motion, rate)))
+    keys = rows_of(space, resample(motion, rate))
     world = np.array(character.matrix_world) if matrix_world is None else matrix_world
     solved = Solved(motion, contacts, start_frame, rate, metres_per_unit, world, keys)
-    return solved if few is None else with_written(solved, curves_of(few, character), names, {})
+    return solved if few is None else with_written(solved, curves_of(few, character), columns_of(space), {})
 
 
-def with_written(solved: Solved, curves: Curves, names: list[str], own: dict[int, set[tuple[float, float]]]) -> Solved:
+def with_written(solved: Solved, curves: Curves, columns: Columns, own: dict[int, set[tuple[float, float]]]) -> Solved:
     """The same with the few keys that stand in the curves now; `own`: the artist's, by column frame and value."""
     times = solved.start_frame + np.arange(len(solved.keys), dtype=np.float64)
     keys, written = solved.keys.astype(np.float32), []
-    for column, curve in enumerate(column_curves(curves, names)):
+    for column, curve in enumerate(columns.curves(curves)):
         places = read_places(curve)
         if curve is not None:
             keys[:, column] = played(curve, times)
@@ -131,10 +174,12 @@ def keep_solved(action: bpy.types.Action, solved: Solved) -> None:
     }
     # Takes of the first form have none of these: every frame of theirs is keyed.
     if solved.way is not None:
-        arrays["form"] = np.array(FORM)
+        arrays["form"] = np.array(CARRIED)
         arrays["root"], arrays["way"] = np.array(solved.root), solved.way
     elif solved.written is not None:
         arrays["form"] = np.array(FEW)
+    if solved.ik:
+        arrays["form"], arrays["ik"] = np.array(FORM), np.array(" ".join(solved.ik))
     if solved.written is not None:
         arrays["counts"] = np.array([len(column) for column in solved.written], dtype=np.int64)
         arrays["written"] = np.concatenate(solved.written).astype(np.float32)
@@ -164,12 +209,11 @@ def solved_of(action: bpy.types.Action) -> Solved:
                     f"{action.name} is a take of a newer Oncue, which this one cannot read: update it, or synthesize "
                     "again."
                 )
-            written = (
-                _columns(kept["counts"], kept["written"])
-                if form == FEW or (form == FORM and "counts" in kept)
-                else None
-            )
-            root, way = (str(kept["root"]), kept["way"]) if form == FORM else ("", None)
+            few = form == FEW or (form >= CARRIED and "counts" in kept)
+            written = _columns(kept["counts"], kept["written"]) if few else None
+            carried = form == CARRIED or (form == FORM and "way" in kept)
+            root, way = (str(kept["root"]), kept["way"]) if carried else ("", None)
+            ik = tuple(str(kept["ik"]).split()) if form == FORM else ()
         solved = Solved(
             motion,
             contacts,
@@ -181,6 +225,7 @@ def solved_of(action: bpy.types.Action) -> Solved:
             written,
             root,
             way,
+            ik,
         )
         _check_shapes(solved)
         return solved
@@ -207,7 +252,8 @@ def _check_shapes(solved: Solved) -> None:
     if (
         shapes != [(frames, 3), (frames, joints, 4), (frames, 2)]
         or solved.keys.ndim != 2
-        or solved.keys.shape[1] % 4 != 3
+        or (not solved.ik and solved.keys.shape[1] % 4 != 3)
+        or not set(solved.ik) <= {ARMS, LEGS}
         or solved.matrix_world.shape != (4, 4)
         or (solved.way is not None and solved.way.shape != (len(solved.keys), 4, 4))
         or (solved.written is not None and len(solved.written) != solved.keys.shape[1])

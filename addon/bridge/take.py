@@ -16,8 +16,10 @@ from ..errors import SceneError
 from ..key_fit import FEET, Channels, places_of
 from ..motion import Motion, resample
 from ..quaternions import CONJUGATE, multiply
-from . import compat, own_rig, root_motion
-from .action_writer import Space, data_path
+from . import compat, own_rig, rigify, root_motion
+from .action_writer import Space
+from .channels import data_path
+from .control_groups import QUATERNIONS, turned_otherwise
 from .curves import read_places
 from .every_frame import EveryFrame
 from .few_keys import FewKeys
@@ -25,7 +27,7 @@ from .pins import Pin, read_pins, write_pins
 from .puppet import puppet_of
 from .root_motion import OBJECT, PLACE, CarriedSpace
 from .scene_time import frame_rate
-from .solved import channels_of, columns_of, curves_of, flat, keep_solved, motion_frames, solved_of
+from .solved import columns_of, curves_of, keep_solved, motion_frames, rows_of, solved_of
 
 #: A key that is larger is a slip, scene units or a quaternion's.
 LARGEST_KEY = 1e6
@@ -36,7 +38,7 @@ LEAST_OF_RUN = 0.5
 #: What moves the armature object, and with it the whole take.
 OBJECT_CHANNELS = ("location", "rotation_", "scale", "delta_")
 #: What a bone's channel is at rest, of those that Oncue does not key: Blender's key (I) sets them along with the turn.
-AT_REST = {"location": 0.0, "scale": 1.0}
+AT_REST = {"location": 0.0, "scale": 1.0, "rotation_euler": 0.0}
 #: As far from that a channel is still at rest.
 NEARLY_AT_REST = 1e-6
 #: What a bone of an own rig turns (1 − |q · q'|), and its first one moves, scene units, by less has not changed.
@@ -55,7 +57,7 @@ class Take:
     def __init__(self, scene: bpy.types.Scene, character: bpy.types.Object, action: bpy.types.Action, skeleton: dict):
         self.action, self.skeleton, self._character = action, skeleton, character
         self.solved = solved_of(action)
-        puppet = puppet_of(character, scene)
+        puppet = replace(puppet_of(character, scene), ik=self.solved.ik)
         if puppet.rig is not None and abs(puppet.metres_per_unit / self.solved.metres_per_unit - 1.0) > SAME_SIZE:
             raise SceneError(f"{character.name} is of another size than when {action.name} was made: synthesize again.")
         puppet = replace(puppet, scene_scale=self.solved.metres_per_unit * puppet.size)
@@ -65,14 +67,16 @@ class Take:
         self._root = root_motion.of_take(puppet, self.solved)
         if self.solved.way is not None:
             self._space = CarriedSpace(self._space, character, self.solved.way)
-        #: The bones that are keyed.
-        self.names = self._space.bones
-        if self.solved.keys.shape[1] != 3 + 4 * len(self.names):
+        self._columns = columns_of(self._space)
+        #: The bones that are keyed, and groups of controls.
+        self.names = self._columns.names
+        self._ik = self.solved.ik if puppet.is_control_rig else None
+        if self.solved.keys.shape[1] != self._columns.width:
             raise SceneError(f"{character.name} has other bones than when {action.name} was made: synthesize again.")
         self._check(scene, character)
         self.pins = read_pins(action)
         #: The motion at the scene's frames: what was written, but for what the artist holds.
-        self._sampled = flat(*self._space.channels(resample(self.solved.motion, self.solved.scene_rate)))
+        self._sampled = rows_of(self._space, resample(self.solved.motion, self.solved.scene_rate))
         self._check_values()
         self.keys = self._read(scene.oncue.key_tolerance)
         self._check_keys()
@@ -92,19 +96,36 @@ class Take:
                 f"{character.name} itself was moved since {self.action.name} was made: move it back, and its "
                 f"{self.names[0]} bone instead."
             )
-        turned = [b for b in character.pose.bones if b.name in self.names and b.rotation_mode != "QUATERNION"]
-        if turned:
+        for bone, mode in turned_otherwise(character, list(self._columns.channels())):
+            if mode == QUATERNIONS:
+                raise SceneError(
+                    f"{bone} does not turn by quaternions, in which Re-solve works: set the bones of {character.name} "
+                    "to the Rotation Mode Quaternion (WXYZ), and synthesize again where that changes the take."
+                )
             raise SceneError(
-                f"{turned[0].name} does not turn by quaternions, in which Re-solve works: set the bones of "
-                f"{character.name} to the Rotation Mode Quaternion (WXYZ), and "
-                "synthesize again where that changes the take."
+                f"{bone} does not turn by angles, as Rigify has made it, and Re-solve reads its angle: set it to the "
+                "Rotation Mode ZXY Euler, and synthesize again where that changes the take."
             )
+        if self._ik is not None:
+            self._check_switches(character)
         self._check_curves(character)
+
+    def _check_switches(self, character: bpy.types.Object) -> None:
+        """Raises SceneError where a rig is switched to other controls than those that were written."""
+        curves = curves_of(self.action, character)
+        for switch in rigify.switches_of(character, self._ik):
+            keys = read_places(curves.get((switch.data_path, 0)))
+            if len(keys) and np.abs(keys[:, 1] - switch.value).max() > NEARLY_AT_REST:
+                raise SceneError(
+                    f"{switch.data_path} of {self.action.name} is keyed otherwise than it was written, and Re-solve "
+                    "reads the controls that were: take these keys out, or synthesize again."
+                )
 
     def _check_curves(self, character: bpy.types.Object) -> None:
         """Raises SceneError where the curves do not play what their keys say, or others play along."""
-        own = {(data_path(bone, channel), axis) for bone, channel, axis in channels_of(self.names)}
-        bones = tuple(f'pose.bones["{bone}"].' for bone in self.names)
+        columns = list(self._columns.channels())
+        own = {(data_path(bone, channel), axis) for bone, channel, axis in columns}
+        bones = tuple(dict.fromkeys(f'pose.bones["{bone}"].' for bone, _, _ in columns))
         carrying = () if self._root is None else self._root.paths()
         for curve in compat.action_curves(self.action, character):
             title = f"{curve.data_path}[{curve.array_index}] of {self.action.name}"
@@ -128,8 +149,8 @@ class Take:
         """The keys as they stand now, and what plays."""
         curves = curves_of(self.action, self._character)
         if self.solved.written is None:
-            return EveryFrame(self.solved, self.names, curves, self._character, self.pins)
-        return FewKeys(self.solved, self.names, curves, self._character, self.pins, self._space.rest(), tolerance_mm)
+            return EveryFrame(self.solved, self._columns, curves, self._character, self.pins)
+        return FewKeys(self.solved, self._columns, curves, self._character, self.pins, self._space.rest(), tolerance_mm)
 
     def _check_values(self) -> None:
         """Raises SceneError where a key is no number."""
@@ -147,8 +168,8 @@ class Take:
         """Raises SceneError where a rotation is none, or the keys as a whole were moved in time or thinned out."""
         name = self.action.name
         self.keys.check(name)
-        for joint, bone in enumerate(self.names):
-            lengths = np.linalg.norm(self.keys.shown[:, columns_of(joint)][:, -4:], axis=1)
+        for bone, first in self._columns.turns():
+            lengths = np.linalg.norm(self.keys.shown[:, first : first + 4], axis=1)
             (nowhere,) = np.nonzero(lengths < NO_LENGTH)
             if len(nowhere):
                 frame = nowhere[0] + self.solved.start_frame
@@ -209,9 +230,7 @@ class Take:
         for frame in sorted({frame for frames in artist.values() for frame in frames}):
             keyed = [bone for bone, frames in artist.items() if frame in frames]
             for core_frame, away, root, turns in self._postures(frame, keyed):
-                for bone in keyed:
-                    # What only carries the others moves the root.
-                    joint = max(self._space.joints[bone], 0)
+                for joint in dict.fromkeys(joint for bone in keyed for joint in self._shows(bone)):
                     # Of two keys beside one of the core's frames the nearer one counts.
                     if away > nearest.get((joint, core_frame), np.inf) - ON_FRAME:
                         continue
@@ -224,6 +243,14 @@ class Take:
         posed = Motion(positions.astype(np.float32), rotations.astype(np.float32), motion.frame_rate)
         return posed, keys, pins
 
+    def _shows(self, joint: int) -> list[int]:
+        """The core's joints that a bone or a group of controls moves; what only carries the others moves the root."""
+        bones = self._space.joints
+        if joint < len(bones):
+            return [max(bones[joint], 0)]
+        names = list(self.skeleton["names"])
+        return [names.index(name) for name in self._columns.groups[joint - len(bones)].shows]
+
     def _postures(self, frame: int, keyed: list[int]):
         """The artist's posture of a scene frame at the core's frames beside it: (frame, distance, root, rotations).
 
@@ -231,7 +258,7 @@ class Take:
         """
         posed = self.solved.keys[frame].astype(np.float64)
         for joint in keyed:
-            columns = columns_of(joint)
+            columns = self._columns.of(joint)
             posed[columns] = self.keys.shown[frame, columns]
         mine, core = self._posture(posed, frame), self.solved.motion
         # The scene's last frame may lie beyond the core's last, and shows it.
@@ -288,7 +315,7 @@ class Take:
         if same and np.array_equal(motion.rotations, before.rotations):
             self._keep(motion, contacts)
             return None
-        values = flat(*self._space.channels(resample(motion, self.solved.scene_rate)))
+        values = rows_of(self._space, resample(motion, self.solved.scene_rate))
         changed = None if self._space.is_exact else self._changed(values)
         touched = self.keys.write(motion, values, contacts, held, changed)
         self._keep(motion, contacts)
@@ -297,30 +324,42 @@ class Take:
     def feet_off(self, motion: Motion) -> list[str]:
         """Sentences about feet that what was written leaves elsewhere than an edited motion has them: the artist's
         curves over them stay as they are, between the core's frames too. To be asked once it is written."""
-        wanted = self._space.channels(resample(motion, self.solved.scene_rate))
-        rest, played = self._space.rest(), solved_of(self.action).keys.astype(np.float64)
-        shown = Channels(played[:, :3], played[:, 3:].reshape(len(played), -1, 4))
-        away = np.linalg.norm(places_of(rest, shown) - places_of(rest, Channels(*wanted)), axis=2)
-        centimetres = 100.0 * self._size * away / rest.units_per_metre
+        rows = [rows_of(self._space, resample(motion, self.solved.scene_rate)), solved_of(self.action).keys]
+        (wanted, to_be), (shown, are) = (self._feet(played.astype(np.float64)) for played in rows)
+        assert wanted == shown
         said = []
-        for bone in (bone for side in FEET for bone in side if bone in rest.names):
-            off = centimetres[:, rest.names.index(bone)]
+        for name, off in zip(wanted, 100.0 * self._size * np.linalg.norm(to_be - are, axis=2).T, strict=True):
             frame = int(np.argmax(off))
             if off[frame] > FOOT_OFF_CM:
                 said.append(
-                    f"{self.names[rest.names.index(bone)]} is {off[frame]:.1f} cm from where it should stand at frame "
+                    f"{name} is {off[frame]:.1f} cm from where it should stand at frame "
                     f"{frame + self.solved.start_frame}, since your keys over it stay as they are: key it there too, "
                     "or synthesize with Key Every Frame."
                 )
         return said
 
+    def _feet(self, rows: np.ndarray) -> tuple[list[str], np.ndarray]:
+        """Feet and toes, by their bones or controls, and where rows of columns have them, the core's metres, (frames,
+        these, 3)."""
+        rest = self._space.rest()
+        locations, rotations, beside = self._columns.split(rows)
+        places = places_of(rest, Channels(locations, rotations)) / rest.units_per_metre
+        there = [rest.names.index(bone) for side in FEET for bone in side if bone in rest.names]
+        names, found = [self.names[bone] for bone in there], [places[:, there]]
+        for group, values in zip(self._columns.groups, beside, strict=True):
+            if group.shows[-1:] in [(bone,) for side in FEET for bone in side] and len(group.columns) > 4:
+                names.append(group.name)
+                found.append(values[:, None, :3] / rest.units_per_metre)
+        return names, np.concatenate(found, axis=1)
+
     def _changed(self, values: np.ndarray) -> np.ndarray:
         """Whether each bone is to play otherwise at each frame than before, (frames, bones): on a rig of other
         proportions a joint that was moved may move others' bones."""
-        now, before = (v[:, 3:].reshape(len(v), -1, 4) for v in (values, self._sampled))
+        (places, now, beside), (were, before, others) = (self._columns.split(v) for v in (values, self._sampled))
         changed = np.abs(np.sum(now * before, axis=2)) < 1.0 - SAME_TURN
-        changed[:, 0] |= np.abs(values[:, :3] - self._sampled[:, :3]).max(axis=1) > SAME_PLACE
-        return changed
+        changed[:, 0] |= np.abs(places - were).max(axis=1) > SAME_PLACE
+        groups = [np.abs(a - b).max(axis=1) > SAME_PLACE for a, b in zip(beside, others, strict=True)]
+        return np.column_stack([changed, *groups])
 
     def _keep(self, motion: Motion, contacts: np.ndarray) -> None:
         keep_solved(self.action, self.keys.kept(replace(self.solved, motion=motion, contacts=contacts)))
@@ -336,9 +375,9 @@ class Take:
     def _posture(self, row: np.ndarray, frame: int) -> Motion:
         """One row of channels as a motion of one frame of the scene's; quaternions need no unit length, as in
         Blender."""
-        rotations = row[3:].reshape(1, -1, 4)
+        places, rotations, beside = self._columns.split(row[None])
         rotations = rotations / np.maximum(np.linalg.norm(rotations, axis=-1, keepdims=True), 1e-9)
-        return self._space.at(frame).motion(row[None, :3], rotations, self.solved.scene_rate)
+        return self._space.at(frame).motion(places, rotations, self.solved.scene_rate, beside)
 
 
 def _joined(pins: list[Pin]) -> list[Pin]:

@@ -11,7 +11,7 @@ from .. import quaternions
 from ..errors import SceneError
 from ..motion import Motion, resample
 from . import compat
-from .action_writer import rotation_values
+from .channels import rotation_values
 from .curves import every_frame, write_keys
 from .names import CARRIED_IN_KEY, GIVEN_YAW_KEY, HAND_KEY, REST_KEY, THING_KEY
 from .scene_time import frame_rate, may_move

@@ -255,16 +255,53 @@ def test_a_scene_of_centimetres_has_the_same_keys(oncue, context, skeleton, sitt
     assert np.abs(np.subtract(counts[1.0], counts[0.01])).max() <= 1
 
 
-def test_a_bone_that_turns_by_angles_is_keyed_on_every_frame(oncue, context, skeleton, sitting):
+def test_a_bone_that_turns_by_angles_has_few_keys_where_angles_can_follow(oncue, context, skeleton, sitting):
     character, action = sitting
-    solved = oncue("bridge.solved").solved_of(action)
-    character.pose.bones["Head"].rotation_mode = "XYZ"
-    written = oncue("bridge.action_writer").write_action(
-        bpy.context, character, list(skeleton["names"]), solved.motion, name="Take", start_frame=1, tolerance_mm=3.0
-    )
-    head = of_bone(oncue, written, "Head", "rotation_euler")
-    assert [len(curve.keyframe_points) for curve in head] == [len(solved.keys)] * 3
-    assert len(of_bone(oncue, written, "Neck")[0].keyframe_points) < 60
+    solved, head = oncue("bridge.solved").solved_of(action), character.pose.bones["Head"]
+
+    def written(mode, tolerance=3.0):
+        head.rotation_mode = mode
+        return oncue("bridge.action_writer").write_action(
+            bpy.context,
+            character,
+            list(skeleton["names"]),
+            solved.motion,
+            name="Take",
+            start_frame=1,
+            tolerance_mm=tolerance,
+        )
+
+    def shown():
+        times = np.arange(1.0, len(solved.keys), 0.5)
+        found = []
+        for time in times:
+            context.scene.frame_set(int(time), subframe=time % 1.0)
+            found.append(head.matrix_basis.to_quaternion())
+        return np.array(found)
+
+    written("QUATERNION")
+    before = shown()
+    counts = [len(curve.keyframe_points) for curve in of_bone(oncue, written("XYZ"), "Head", "rotation_euler")]
+    assert len(set(counts)) == 1
+    assert counts[0] < 60
+    apart = np.abs(np.sum(before * shown(), axis=1)).clip(0.0, 1.0)
+    assert np.degrees(2.0 * np.arccos(apart.min())) < 0.3
+    # By an axis and an angle, which no handles can follow: on every frame.
+    by_axis = of_bone(oncue, written("AXIS_ANGLE"), "Head", "rotation_axis_angle")
+    assert [len(curve.keyframe_points) for curve in by_axis] == [len(solved.keys)] * 4
+
+
+def test_angles_that_cannot_follow_are_keyed_on_every_frame(oncue):
+    fit, channels = oncue("key_fit"), oncue("bridge.channels")
+
+    def in_angles(axis, degrees):
+        turns = np.array([Quaternion(axis, np.radians(degrees * k / 10.0)) for k in range(11)], dtype=np.float64)
+        slopes = np.gradient(turns, axis=0, edge_order=2)
+        keys = fit.BoneKeys(np.array([0, 10]), turns[[0, 10]], slopes[[0, 10]], slopes[[0, 10]])
+        return channels.angle_keys(keys, channels.rotation_values("XYZ", turns)[1], "XYZ", np.radians(0.25))
+
+    assert in_angles((1.0, 0.0, 0.0), 30.0) is not None
+    assert in_angles((0.6, 0.6, 0.53), 150.0) is None
 
 
 # --- an edited motion, without the core ------------------------------------------------------------------------------
@@ -669,6 +706,8 @@ def test_damage_to_the_written_keys_is_a_sentence(oncue, sitting):
         {"form": None, "keys": arrays["keys"][:, :-1]},
         {"form": np.array(3)},
         {"form": np.array(3), "root": np.array("PLACE"), "way": np.zeros((2, 4, 4))},
+        {"form": np.array(4)},
+        {"form": np.array(4), "ik": np.array("legs tails")},
     )
     for changed in broken:
         packed = io.BytesIO()
@@ -678,7 +717,7 @@ def test_damage_to_the_written_keys_is_a_sentence(oncue, sitting):
         with pytest.raises(oncue("errors").SceneError, match="keeps of its motion is damaged"):
             solved.solved_of(action)
     packed = io.BytesIO()
-    np.savez_compressed(packed, **{**arrays, "form": np.array(4)})
+    np.savez_compressed(packed, **{**arrays, "form": np.array(5)})
     action["oncue_solved"] = base64.b85encode(packed.getvalue()).decode("ascii")
     with pytest.raises(oncue("errors").SceneError, match="is a take of a newer Oncue"):
         solved.solved_of(action)

@@ -508,7 +508,7 @@ def test_a_whole_turn_has_no_jump_in_it(oncue, mode):
     """Three turns about Z in steps of 6°: the angle grows by a step each time, or axis and angle say the same."""
     half = np.radians(np.arange(0.0, 1080.0, 6.0)) / 2.0
     turns = np.stack([np.cos(half), 0 * half, 0 * half, np.sin(half)], axis=1)
-    channel, values = oncue("bridge.action_writer").rotation_values(mode, turns)
+    channel, values = oncue("bridge.channels").rotation_values(mode, turns)
     if mode == "AXIS_ANGLE":
         assert channel == "rotation_axis_angle"
         shown = np.array([Quaternion(axis, angle) for angle, *axis in values])
