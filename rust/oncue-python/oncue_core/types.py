@@ -440,7 +440,7 @@ class FlatFoot(TypedDict):
 
 
 class TurnedFeet(TypedDict):
-    """Feet that carry: frames in which one is turned out by more than 50° or in by more than 35°, and the farthest."""
+    """Feet that carry who stands: frames with one turned out by more than 50° or in by more than 35°; the farthest."""
 
     percent: float
     out_degrees: float

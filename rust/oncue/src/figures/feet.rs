@@ -22,8 +22,10 @@ const SWIVEL: f32 = 15f32.to_radians();
 const CARRYING_HEIGHT: f32 = 0.02;
 /// … and slower than this, m/s: swinging toes pass as low.
 const CARRYING_SPEED: f32 = 0.8;
-/// Feet that carry are turned out and in by no more than this of where the pelvis faces, radians: in three of a thousand of
-/// ACCAD's frames they are.
+/// Of someone whose pelvis is higher than this over what a foot stands on, metres, …
+const STANDING: f32 = 0.8;
+/// … feet that carry are turned out and in by no more than this of where the pelvis faces, radians, but for a few frames of a
+/// thousand of ACCAD's.
 const TURNED_OUT: f32 = 50f32.to_radians();
 const TURNED_IN: f32 = 35f32.to_radians();
 /// A step is in the air for at least so many frames …
@@ -49,7 +51,7 @@ pub struct WholeFootFigures {
     pub steps: StepFigures,
 }
 
-/// Feet that carry, turned out or in of where the pelvis faces.
+/// Feet that carry someone who stands or walks, turned out or in of where the pelvis faces.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct TurnedFeet {
     /// Share of the frames with a foot that is turned out by more than 50° or in by more than 35°, percent.
@@ -195,9 +197,13 @@ impl Tally {
                 }
             }
             let carried: Vec<bool> = (0..soles.len()).map(|frame| is_carried(&soles, frame)).collect();
-            for ((turned, pose), _) in turned.iter_mut().zip(poses).zip(&carried).filter(|(_, is)| **is) {
+            for (frame, pose) in poses.iter().enumerate().filter(|(frame, _)| carried[*frame]) {
+                let [heel, ..] = soles[frame].points;
+                if pose.positions[0].z - heel.z + soles[frame].heights[0] < STANDING {
+                    continue;
+                }
                 let out = turned_out(pose, side);
-                *turned |= !(-TURNED_IN..=TURNED_OUT).contains(&out);
+                turned[frame] |= !(-TURNED_IN..=TURNED_OUT).contains(&out);
                 self.farthest = (self.farthest.0.min(out), self.farthest.1.max(out));
             }
             for swing in runs(&carried, false).into_iter().map(|(first, end)| first..end) {
@@ -373,7 +379,12 @@ mod tests {
         posture.rotations[Joint::RightFoot.index()] = Quat::from_rotation_z(-60f32.to_radians());
         let found = figures(&[posture; 4]).turned;
         assert!(found.percent == 100.0 && (found.out_degrees - 60.0).abs() < 0.01, "{found:?}");
-        // In the air they may be as they like.
+        // In the air they may be as they like, and under who sits.
+        let mut low = posture;
+        low.root_position.z = 0.7;
+        low.rotations[Joint::RightUpLeg.index()] = Quat::from_rotation_x(1.0);
+        low.rotations[Joint::LeftUpLeg.index()] = Quat::from_rotation_x(1.0);
+        assert_eq!(figures(&[low; 4]).turned, TurnedFeet::default());
         posture.root_position.z += 0.1;
         assert_eq!(figures(&[posture; 4]).turned, TurnedFeet::default());
     }

@@ -299,7 +299,7 @@ impl Default for CostWeights {
             taste: 0.5,
             unprepared: 2.0,
             repeated_step: 3.0,
-            twisted: 1.2,
+            twisted: 0.5,
         }
     }
 }
