@@ -590,9 +590,11 @@ fn joined(
         Around { scene: Some(scene), moving: &[], leaves: &done.leaves, wait: 0, database: Some(database) };
     let measured = measure_performance(&motion, &around, performance, &moments, settings);
     let mut problems: Vec<String> = steps.iter().flat_map(|step| step.made.not_done.clone()).collect();
+    // What stopped it may be what hands could not do: told once.
+    let stop = stopped.clone();
     problems.extend(stopped.into_iter().chain(unplayed(performance, steps.len())));
     problems.extend(unpunctual(performance, &moments));
-    problems.extend(done.problems);
+    problems.extend(done.problems.into_iter().filter(|problem| stop.as_ref() != Some(problem)));
     problems.extend(looks.iter().filter_map(unseen));
     problems.extend(measured.body.problems(&settings.report));
 

@@ -265,4 +265,5 @@ fn who_cannot_reach_along_it_opens_nothing_and_stays() {
         told.contains("‘Ann’ does not open ‘Drawer’ by ‘Open Drawer’") && told.contains("‘Away’"),
         "{told}"
     );
+    assert_eq!(told.matches("does not open").count(), 1, "{told}");
 }

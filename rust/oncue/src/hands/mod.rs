@@ -12,7 +12,7 @@ pub(crate) mod things;
 use std::ops::Range;
 use std::time::Instant;
 
-use glam::{Quat, Vec3};
+use glam::{Quat, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 use carry::{Carry, Down, FADES, GRIPS, Held, LIFTS, Way, crouch};
@@ -34,7 +34,7 @@ use crate::error::{Error, Result};
 use crate::figures::{BodyPart, Surroundings, body_capsules, in_scene};
 use crate::manifold::Manifold;
 use crate::motion::skeleton::palm;
-use crate::motion::{FRAME_RATE, Joint, Motion};
+use crate::motion::{FRAME_RATE, Joint, Motion, Posture};
 use crate::progress::Progress;
 use crate::scene::MovingObject;
 use crate::settings::{EditorSettings, ReportSettings, Settings};
@@ -51,8 +51,9 @@ const BETWEEN: usize = 6;
 const PUT_WITHIN: f32 = 0.01;
 /// A palm is on the handle that it leads within this, metres.
 const ON_THE_HANDLE: f32 = 0.01;
-/// An arm that is deeper in what it opens lets go of it sooner, metres.
+/// An arm that is deeper in what it opens lets go of it sooner, metres, and so does who would lean farther aside for it, radians.
 const IN_THE_LEAF: f32 = 0.01;
+const LEANS_ASIDE: f32 = 0.26;
 
 /// A thing as it was carried, or a leaf as it was opened: where it is from when that began until it stands again, or the motion ends.
 #[derive(Debug, Clone, PartialEq)]
@@ -553,6 +554,18 @@ impl Done {
     }
 }
 
+/// How far the trunk leans to the left or to the right of where it was before hands were laid over the motion, at the most, radians.
+fn leans_aside(motion: &Motion, laid: &Motion) -> f32 {
+    let aside = |posture: &Posture| {
+        let pose = posture.pose();
+        let trunk = pose.position(Joint::Neck) - pose.position(Joint::Hips);
+        let left = posture.planar().direction_to_world(Vec2::X);
+        trunk.truncate().dot(left).atan2(trunk.z)
+    };
+    let pairs = motion.postures.iter().zip(&laid.postures).filter(|(before, after)| before != after);
+    pairs.map(|(before, after)| (aside(after) - aside(before)).abs()).fold(0.0, f32::max)
+}
+
 impl Laying<'_> {
     /// Has a thing that stands at `rest` be taken, carried and put down; `grips`: hands that have others.
     #[allow(clippy::too_many_arguments)] // What is carried, by whom, and over what it is laid.
@@ -598,13 +611,14 @@ impl Laying<'_> {
         let mut best: Option<(f32, usize, Motion)> = None;
         let mut missed = None;
         // Where it is let go sooner the arm need not reach so far, nor round the leaf.
-        while let Some(let_go) = tried.filter(|_| best.as_ref().is_none_or(|best| best.0 > IN_THE_LEAF)) {
+        while let Some(let_go) = tried.filter(|_| best.as_ref().is_none_or(|best| best.0 > 1.0)) {
             tried = opening.sooner(let_go);
             match self.led(opening, let_go, motion, grips) {
                 Ok(laid) if opening.off(&laid, let_go) <= ON_THE_HANDLE => {
                     let (arms, _) = self.in_the_leaf(opening, let_go, &laid);
-                    if best.as_ref().is_none_or(|best| arms < best.0) {
-                        best = Some((arms, let_go, laid));
+                    let hard = (arms / IN_THE_LEAF).max(leans_aside(motion, &laid) / LEANS_ASIDE);
+                    if best.as_ref().is_none_or(|best| hard < best.0) {
+                        best = Some((hard, let_go, laid));
                     }
                 }
                 Err(Error::Cancelled) => return Err(Error::Cancelled),
@@ -630,13 +644,14 @@ impl Laying<'_> {
         Ok(laid)
     }
 
-    /// How deep arms, but for a hand on the handle, and the rest of the body are in a leaf while it moves, metres.
+    /// How deep arms, but for a hand on the handle, and the rest of the body are in a leaf while it moves and soon after, metres.
     fn in_the_leaf(&self, opening: &Opening, let_go: usize, motion: &Motion) -> (f32, f32) {
         let object = &self.around.moving[opening.which];
         let held = [(opening.cue.hand, opening.held(let_go))];
         let above = self.floor + self.around.ignore_below;
         let (mut arms, mut rest) = (0.0f32, 0.0f32);
-        for frame in opening.taken..=opening.opened.min(motion.len() - 1) {
+        // The hand comes back past it.
+        for frame in opening.taken..=(opening.opened + SETTLES).min(motion.len() - 1) {
             for (part, capsule) in body_capsules(&motion.postures[frame].pose()) {
                 let is_on_it = match part {
                     BodyPart::LeftHand => is_carried(&held, Hand::Left, frame),
@@ -738,5 +753,29 @@ impl Laying<'_> {
         *motion = edited;
         figures.constraints.truncate(asked.len());
         Ok((span, figures.constraints))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_world::close;
+
+    #[test]
+    fn who_leans_aside_is_told_from_who_bends_or_leaned_before() {
+        // Facing −X: the trunk rolls about the way it faces, and bends about the line across it.
+        let lean = |roll: f32, bend: f32| {
+            let mut posture = Posture::default();
+            posture.rotations[0] = Quat::from_rotation_z(-std::f32::consts::FRAC_PI_2);
+            posture.rotations[Joint::Spine.index()] =
+                Quat::from_rotation_y(roll) * Quat::from_rotation_x(bend);
+            Motion { postures: vec![Posture::default(), posture], contacts: vec![[1.0; 2]; 2] }
+        };
+        let (upright, rolled) = (lean(0.0, 0.0), lean(0.4, 0.0));
+        let whole = leans_aside(&upright, &rolled);
+        assert!(whole > 0.3 && whole <= 0.4, "{whole}");
+        close(leans_aside(&rolled, &upright), whole, 1e-6);
+        close(leans_aside(&upright, &lean(0.0, 0.6)), 0.0, 1e-3);
+        assert_eq!(leans_aside(&rolled, &rolled), 0.0);
     }
 }
