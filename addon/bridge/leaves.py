@@ -185,6 +185,8 @@ def _limited(leaf: Leaf) -> tuple[str, int, tuple[float, float] | None] | None:
     """What locks and limits leave free where that is one axis: the kind, the axis, and how far it goes either way from
     where it is, radians or metres."""
     thing = leaf.thing
+    # What turns by quaternions, as what is imported from glTF does, keeps no angles of its own.
+    turned = thing.rotation_euler if len(thing.rotation_mode) == 3 else thing.matrix_basis.to_euler()
     for how, kind, locks in (
         (HINGE, "LIMIT_ROTATION", thing.lock_rotation),
         (SLIDE, "LIMIT_LOCATION", thing.lock_location),
@@ -198,7 +200,7 @@ def _limited(leaf: Leaf) -> tuple[str, int, tuple[float, float] | None] | None:
                 else:
                     used = getattr(limit, f"use_min_{axis}") and getattr(limit, f"use_max_{axis}")
                 if used and ranges[k] is None:
-                    now = (thing.rotation_euler if kind == "LIMIT_ROTATION" else thing.location)[k]
+                    now = (turned if kind == "LIMIT_ROTATION" else thing.location)[k]
                     ranges[k] = (getattr(limit, f"min_{axis}") - now, getattr(limit, f"max_{axis}") - now)
         free = [k for k, span in enumerate(ranges) if span is None or span[1] - span[0] > LOCKED]
         if len(free) == 1:

@@ -5,7 +5,7 @@ import math
 import bpy
 import numpy as np
 import pytest
-from mathutils import Matrix, Vector
+from mathutils import Matrix, Quaternion, Vector
 
 from .runs import current_action
 from .shapes import add_cube, add_floor
@@ -133,6 +133,15 @@ def test_limits_locks_and_parents_say_which_way(oncue, objects):
     limit.use_limit_x = limit.use_limit_y = limit.use_limit_z = True
     limit.max_z = math.radians(110.0)
     assert placed(leaf) == ("hinge", "Z", pytest.approx(110.0))
+    # What turns by quaternions and is ajar goes on from there.
+    leaf = hung("Gate", (-0.45, 0.0, 0.0), (0.45, 0.04, 1.2), (0.0, 0.02, 0.6))
+    leaf.rotation_mode = "QUATERNION"
+    leaf.rotation_quaternion = Quaternion((0.0, 0.0, 1.0), math.radians(20.0))
+    limit = leaf.constraints.new("LIMIT_ROTATION")
+    limit.use_limit_x = limit.use_limit_y = limit.use_limit_z = True
+    limit.max_z = math.radians(110.0)
+    bpy.context.view_layer.update()
+    assert placed(leaf) == ("hinge", "Z", pytest.approx(90.0))
     # A location of which one axis is not locked: a drawer, towards who comes.
     drawer = hung("Drawer", (-0.3, 0.0, 0.6), (0.3, 0.5, 0.8), (0.0, 0.25, 0.7))
     drawer.lock_rotation = (True, True, True)
