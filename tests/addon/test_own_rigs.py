@@ -388,8 +388,10 @@ def angle_of(person, bone):
 def test_twists_of_an_earlier_action_go_back_to_rest_and_the_artists_own_bones_stay(stage, oncue):
     person = make_person("unreal", 1.7)
     hand, hips = person.data.bones["hand_l"], person.data.bones["pelvis"]
-    add_bone(person, "index_01_l", "hand_l", hand.tail_local, hand.tail_local + hand.vector)
-    add_bone(person, "sword_l", "lowerarm_l", hand.head_local + hips.vector, hand.head_local + 2.0 * hips.vector)
+    # Copied: edit mode makes the bones anew.
+    wrist, knuckles, finger, up = (v.copy() for v in (hand.head_local, hand.tail_local, hand.vector, hips.vector))
+    add_bone(person, "index_01_l", "hand_l", knuckles, knuckles + finger)
+    add_bone(person, "sword_l", "lowerarm_l", wrist + up, wrist + 2.0 * up)
     chosen(stage, person)
     turns = {"upperarm_twist_01_l": 0.9, "thigh_twist_01_r": 0.7, "index_01_l": 0.5, "sword_l": 0.4}
     own = posed_action(person, turns)
