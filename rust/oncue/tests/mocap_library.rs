@@ -490,9 +490,10 @@ fn a_known_motion_comes_back_whatever_its_joints_frames() {
                 let found = found.unwrap_or_else(|| {
                     panic!("{}: no {:?} in {:?}", original.name, wanted.label, clip.segments)
                 });
-                // The one counts from the pelvis at rest, the other until the trunk is.
+                // The one counts from the pelvis at rest and the trunk near it, the other until the trunk is, whose last
+                // tenth of a radian takes half a second.
                 assert!(
-                    found.complete.abs_diff(wanted.complete) < 24,
+                    found.complete.abs_diff(wanted.complete) < 27,
                     "{}: {found:?} for {wanted:?}",
                     original.name
                 );

@@ -73,9 +73,20 @@ pub(super) struct SeatState {
 const SEATED: SeatState =
     SeatState { back: 1.0, down: 1.0, lean: 0.0, hands: 1.0, reach: 0.0, rest: 1.0, feet: 1.0 };
 
-/// Greatest forward lean on the way, radians: the lower the seat the more.
-fn greatest_lean(height: f32) -> f32 {
-    mix(66.0, 42.0, ((height - 0.42) / 0.33).clamp(0.0, 1.0)).to_radians()
+/// Greatest forward lean on the way down, radians: the lower the seat the more. Who leans farther looks at their knees, and the
+/// hands hang at the shins.
+fn lean_down(height: f32) -> f32 {
+    mix(62.0, 42.0, high(height)).to_radians()
+}
+
+/// Greatest forward lean on the way up, radians: far over the feet from a low seat.
+fn lean_up(height: f32) -> f32 {
+    mix(1.0, 0.78, ((height - 0.32) / 0.12).clamp(0.0, 1.0)) * mix(66.0, 42.0, high(height)).to_radians()
+}
+
+/// 0 on a chair, 1 on a bar stool.
+fn high(height: f32) -> f32 {
+    ((height - 0.42) / 0.33).clamp(0.0, 1.0)
 }
 
 /// How much of a lean the pelvis makes on the seat; the spine makes the rest.
@@ -92,11 +103,6 @@ pub(super) fn recline(plan: &Plan) -> f32 {
         let usual = mix(0.13, 0.02, ((seat.height - 0.38) / 0.26).clamp(0.0, 1.0));
         if seat.at_table { 0.02 } else { (usual + plan.style.seated.recline).max(-MOST_FORWARD) }
     })
-}
-
-/// Lean on the way up, of that on the way down: all of it from a low seat.
-fn lean_up(height: f32) -> f32 {
-    mix(1.0, 0.78, ((height - 0.32) / 0.12).clamp(0.0, 1.0))
 }
 
 /// Of the way down, when the pelvis begins to sink and when it rests.
@@ -117,13 +123,15 @@ pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
     let current = plan.seatings.iter().rev().find(|s| s.start <= t).or(plan.seatings.first());
     let Some(&Seating { down, start, end, .. }) = current else { return SEATED };
     let v = (t - start) / (end - start);
-    let most = plan.style.seated.bow * greatest_lean(seat.height);
+    let bow = plan.style.seated.bow;
     if down {
         SeatState {
             back: ease(v, 0.05, 0.72),
             down: ease(v, SINKING.0, SINKING.1),
             // Hips and knees give together; half-way down the trunk begins to come up again.
-            lean: most * keyed(&[(0.02, 0.0), (0.48, 1.0), (0.53, 0.98), (0.98, 0.0)], v),
+            lean: bow
+                * lean_down(seat.height)
+                * keyed(&[(0.02, 0.0), (0.48, 1.0), (0.53, 0.98), (0.98, 0.0)], v),
             hands: ease(v, 0.28, 0.85),
             reach: keyed(&[(0.15, 0.0), (0.53, 1.0), (0.76, 1.0), (0.98, 0.0)], v),
             rest: ease(v, 0.60, 1.0),
@@ -133,8 +141,8 @@ pub(super) fn seat_state(plan: &Plan, t: f32) -> SeatState {
         SeatState {
             back: 1.0 - ease(v, 0.14, 0.84),
             down: 1.0 - ease(v, 0.26, 0.93),
-            lean: lean_up(seat.height)
-                * most
+            lean: bow
+                * lean_up(seat.height)
                 * keyed(&[(0.0, 0.0), (0.36, 1.0), (0.46, 0.97), (0.96, 0.0)], v),
             hands: 1.0 - ease(v, 0.22, 0.90),
             // From a bar stool one slides, and hands have nothing to push.

@@ -129,7 +129,7 @@ impl Manner {
         let mut about = |middle: f32, spread: f32| middle + spread * random.random_range(-1.0f32..1.0);
         let manner = Self {
             pace: about(1.0, 0.24),
-            bow: about(1.04, 0.18),
+            bow: about(1.04, 0.12),
             recline: attitude + about(0.0, 0.035),
             width: about(0.285, 0.045),
             stagger: ahead * about(0.09, 0.03),
