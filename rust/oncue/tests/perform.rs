@@ -173,8 +173,8 @@ fn what_lies_before_a_moved_cue_stays_to_the_bit() {
     let longer = play(&moved, Some(&again)).expect("a performance");
     let second = longer.report.steps[1].first_frame;
     assert!(longer.motion.postures[..=second] == made.motion.postures[..=second]);
-    let frames = |made: &Performed| made.report.steps[2].first_frame - made.report.steps[1].first_frame;
-    assert!(frames(&longer) >= frames(made) + 40, "{} {}", frames(&longer), frames(made));
+    let stays = |made: &Performed| made.report.steps[2].first_frame - made.report.steps[1].moments.complete;
+    assert!(stays(&longer) >= 45 && stays(made) < 20, "{} {}", stays(&longer), stays(made));
 }
 
 #[test]
