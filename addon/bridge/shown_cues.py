@@ -72,12 +72,22 @@ def several_starts(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 def worked_on(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Of several starts that of the person whom the artist works on: of the active start or cue, else the last."""
-    starts, active = several_starts(context), context.active_object
+    """Of several starts that of the person whom the artist works on: of the active start or cue, else of another that
+    is selected, else the one who was worked on before, else the last.
+    """
+    starts = several_starts(context)
     if not starts:
         return None
-    person = active if active in starts else person_of(context, active, starts) if active is not None else None
-    return person if person in starts else starts[-1]
+    # Who has a thing taken or opened makes that the active object.
+    selected = [one for one in things_of(context.view_layer) if one.get(CUE_KEY) is not None and one.select_get()]
+    before = context.scene.get(PERSON_KEY)
+    for one in (context.active_object, *selected, before if isinstance(before, bpy.types.Object) else None):
+        if one is None:
+            continue
+        person = one if one in starts else person_of(context, one, starts)
+        if person in starts:
+            return person
+    return starts[-1]
 
 
 def step_of(cue: bpy.types.Object) -> float:
