@@ -25,24 +25,28 @@ import sys
 from pathlib import Path
 
 import bpy
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 sys.path[:0] = [str(Path(__file__).resolve().parent), str(Path(__file__).resolve().parents[1])]
 
 import furniture as f  # noqa: E402
 from articulated import object_task  # noqa: E402
 from openings import read_openings  # noqa: E402
-from shots import LOOK, START, BadTable, Row, Shot, read_shots  # noqa: E402
+from shots import DONE, LOOK, OPEN, PUT, TAKE, WITH_A_HAND, BadTable, Row, Shot, read_shots  # noqa: E402
 
 from addon.bridge.cue_objects import (  # noqa: E402
     PELVIS_OVER_SEAT,
     hang_on,
     make_cue,
     middle_of,
+    place_open,
+    place_put,
+    place_take,
     yaw_from_heading,
 )
-from addon.bridge.names import AT_FRAME_KEY, HOLD_KEY, PERSON_KEY, STEP_KEY  # noqa: E402
+from addon.bridge.names import AT_FRAME_KEY, HOLD_KEY, PERSON_KEY, STEP_KEY, THING_KEY  # noqa: E402
 from addon.bridge.seat_finder import Seat, seat_below, seat_of_selection, surface_below  # noqa: E402
+from addon.bridge.shown_cues import end_cues, ordered_cues  # noqa: E402
 from addon.errors import SceneError  # noqa: E402
 
 #: How far a room's corners may lie from the table's, metres: its figures have two decimals.
@@ -248,34 +252,91 @@ FROM_ABOVE = 1.0
 
 
 def shot_scene(room: Path, table: Path, shot: Shot) -> None:
-    """The room of a GLB file with the people of a shot and their cues. Raises BadTable naming the line."""
+    """The room of a GLB file with the people of a shot, their cues and things. Raises BadTable naming the line."""
     scene = new_scene()
     bpy.ops.import_scene.gltf(filepath=str(room))
+    for row in shot.things:
+        bring_in(table, room.parent, row)
     bpy.context.view_layer.update()
-    several = len(shot.people) > 1
-    for rows in shot.people:
-        start_cue = None
-        places = _places(table, scene, rows)
-        for at, (row, (place, heading)) in enumerate(zip(rows, places, strict=True)):
-            if heading is None:
-                # Towards the first cue from the start, and elsewhere as one comes there.
-                there = [place for (place, _), other in zip(places, rows, strict=True) if other.kind != LOOK]
-                came = sum(other.kind != LOOK for other in rows[:at])
-                way = there[1] - place if at == 0 else place - there[came - 1]
-                heading = math.atan2(way.y, way.x)
-            cue = make_cue(bpy.context, row.kind, place, yaw_from_heading(heading), name=row.name)
+    placed = [_places(table, scene, rows) for rows in shot.people]
+    # All of them first: with several people it is known then whose cues are placed.
+    starts = [_cue(scene, rows, places, 0) for rows, places in zip(shot.people, placed, strict=True)]
+    for start_cue, rows, places in zip(starts, shot.people, placed, strict=True):
+        for at, row in enumerate(rows[1:], 1):
+            if row.kind in DONE:
+                _do(table, scene, row, places[at][0], start_cue)
+                continue
+            cue = _cue(scene, rows, places, at)
+            if len(starts) > 1:
+                cue[PERSON_KEY] = start_cue
+            cue[STEP_KEY] = len(ordered_cues(bpy.context, start_cue))
             if row.kind == LOOK and row.x is None:
                 hang_on(bpy.context, cue, scene.objects[row.object.split(":")[0]])
-            if row.kind == START:
-                start_cue = cue
-                continue
-            cue[STEP_KEY] = at
-            if several:
-                cue[PERSON_KEY] = start_cue
             if row.hold is not None:
                 cue[HOLD_KEY] = row.hold
             if row.at_frame is not None:
                 cue[AT_FRAME_KEY] = row.at_frame
+
+
+def _cue(
+    scene: bpy.types.Scene, rows: tuple[Row, ...], places: list[tuple[Vector, float | None]], at: int
+) -> bpy.types.Object:
+    """The cue of a person's row at its place. Where the table leaves that free it faces as one comes there, and the
+    start what comes first.
+    """
+    place, heading = places[at]
+    if heading is None:
+        there = [k for k, row in enumerate(rows) if row.is_come_to]
+        other = next((k for k in there if k > 0), 1) if at == 0 else max(k for k in there if k < at)
+        way = places[other][0] - place if at == 0 else place - places[other][0]
+        heading = math.atan2(way.y, way.x)
+    return make_cue(bpy.context, rows[at].kind, place, yaw_from_heading(heading), name=rows[at].name)
+
+
+def bring_in(table: Path, folder: Path, row: Row) -> None:
+    """What a thing's file holds, at its place. Raises BadTable where there is no such file, or nothing in it."""
+    file = folder / row.object
+    if not file.is_file():
+        raise BadTable(f"{table}, line {row.line}: there is no file {row.object} beside the room.")
+    before = set(bpy.data.objects)
+    bpy.ops.import_scene.gltf(filepath=str(file))
+    yaw = yaw_from_heading(math.radians(-90.0 if row.heading is None else row.heading))
+    placed = Matrix.Translation((row.x, row.y, row.z or 0.0)) @ Matrix.Rotation(yaw, 4, "Z")
+    for thing in set(bpy.data.objects) - before:
+        if thing.parent is None:
+            thing.matrix_world = placed @ thing.matrix_world
+
+
+def _do(table: Path, scene: bpy.types.Scene, row: Row, place: Vector, start_cue: bpy.types.Object) -> None:
+    """What is done with a thing, by what the sidebar's buttons do; its cue is called as its row."""
+    thing = scene.objects.get(row.object)
+    if row.kind == OPEN and row.x is not None:
+        hinge = bpy.data.objects.new(f"{row.object} hinge", None)
+        hinge.location, hinge.empty_display_size = place, 0.1
+        scene.collection.objects.link(hinge)
+        bpy.context.view_layer.update()
+        hang_on(bpy.context, thing, hinge)
+    for other in scene.objects:
+        other.select_set(other in (thing, start_cue))
+    bpy.context.view_layer.objects.active = thing or start_cue
+    stops = end_cues(bpy.context, start_cue)
+    try:
+        if row.kind == TAKE:
+            cue = place_take(bpy.context, row.hand or "right", 1.0)
+        elif row.kind == OPEN:
+            cue = place_open(bpy.context, row.hand or "right", None, None, 0.0, 1.0)
+        else:
+            cue = place_put(bpy.context, place, 1.0)
+    except SceneError as error:
+        raise BadTable(f"{table}, line {row.line}: {error}") from error
+    cue.name = row.name
+    for added in end_cues(bpy.context, start_cue):
+        if added not in stops:
+            added.name = f"{row.name} Stop"
+    if row.kind == PUT and thing is not None:
+        cue[THING_KEY] = thing
+    if row.kind == PUT and row.heading is not None:
+        cue.rotation_euler.z = yaw_from_heading(math.radians(row.heading))
 
 
 def _places(table: Path, scene: bpy.types.Scene, rows: tuple[Row, ...]) -> list[tuple[Vector, float | None]]:
@@ -293,8 +354,11 @@ def _places(table: Path, scene: bpy.types.Scene, rows: tuple[Row, ...]) -> list[
             place = seat.pelvis.copy() if row.x is None or row.z is None else place
             heading = seat.yaw - math.pi / 2 if heading is None else heading
             place.z = place.z if row.z is None else row.z
-        elif row.kind == LOOK:
+        elif row.kind in (LOOK, *WITH_A_HAND):
             place = middle_of(thing) if row.x is None and thing is not None else place
+        elif row.kind == PUT:
+            # On what is there, not on the floor.
+            place = surface_below(bpy.context, place) if row.z is None else place
         elif row.z is None:
             # On the floor that one starts on; a start stands on what is there.
             place.z = surface_below(bpy.context, place).z if floor is None else floor

@@ -5,13 +5,21 @@ One row a cue, tab-separated, any number of rooms and shots in one file:
 
     room shot person step kind x y z heading_deg hold_s at_frame object
 
-`kind` is start, pass, stop, sit or look. `x y z` is the pelvis joint's target of a sit, the place that is looked at,
-the floor of all else; metres. `heading_deg` is the angle of the forward direction from +X, counter-clockwise from
-above. `hold_s` is how long a person stays at a stop or a sit, or looks, `at_frame` the frame of the scene on which a
-stop or a sit is to be reached. `step` says in which order a person's cues are played; the start needs none. `object`
-names something in the room that the row is about. A field that is empty is left free: the facing, and the height, are
-then those that the button would give; a sit with an object and without x and y is where one sits on it, and a look then
-goes along with its middle. Lines that begin with # are remarks.
+`kind` is start, pass, stop, sit or look; take, put or open, which are done at the stop or the sit before (where that is
+out of reach, at a stop of their own); or thing. `x y z` is the pelvis joint's target of a sit, the place that is looked
+at, where something is put down, a place on the upright hinge of what is opened, and the floor of all else; metres.
+`heading_deg` is the angle of the forward direction from +X, counter-clockwise from above. `hold_s` is how long a person
+stays at a stop or a sit, or looks, `at_frame` the frame of the scene on which a stop or a sit is to be reached. `step`
+says in which order a person's cues are played; the start needs none. `object` names something in the room that the row
+is about. A field that is empty is left free: the facing, and the height, are then those that the button would give; a
+sit with an object and without x and y is where one sits on it, and a look then goes along with its middle; what is
+opened without x and y opens as the button finds. What is put down is the object, or what was taken last.
+
+A row of the kind thing has no person: its object is a GLB file, named as from the room's folder, which stands in the
+room at `x y z` before anybody comes, its -Y towards `heading_deg`.
+
+One column more may be there: `hand`, which is left, right (where it is empty) or both, of a take or an open. Lines that
+begin with # are remarks.
 """
 
 from __future__ import annotations
@@ -22,10 +30,18 @@ from dataclasses import dataclass
 from pathlib import Path
 
 COLUMNS = ("room", "shot", "person", "step", "kind", "x", "y", "z", "heading_deg", "hold_s", "at_frame", "object")
+#: A column that need not be there.
+HAND = "hand"
 START, PASS, LOOK = "start", "pass", "look"
 #: What a person stays at.
 ENDS = ("stop", "sit")
-KINDS = (START, PASS, *ENDS, LOOK)
+#: What is done there with a thing, and the hands that may do it.
+WITH_A_HAND = TAKE, OPEN = ("take", "open")
+DONE = (TAKE, PUT, OPEN) = (TAKE, "put", OPEN)
+HANDS = ("left", "right", "both")
+#: What is brought into the room.
+THING = "thing"
+KINDS = (START, PASS, *ENDS, LOOK, *DONE, THING)
 
 #: Frames on which something can be asked for: a motion begins on the first, and Blender has no later ones.
 FRAMES = (2, 1_048_574)
@@ -50,6 +66,12 @@ class Row:
     hold: float | None
     at_frame: int | None
     object: str
+    hand: str
+
+    @property
+    def is_come_to(self) -> bool:
+        """Whether the body goes there."""
+        return self.kind in (START, PASS, *ENDS)
 
     @property
     def name(self) -> str:
@@ -59,11 +81,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Shot:
-    """The people of one shot: each a start, and cues in the order in which they are played."""
+    """The people of one shot: each a start, and cues in the order in which they are played; and what is brought in."""
 
     room: str
     name: str
     people: tuple[tuple[Row, ...], ...]
+    things: tuple[Row, ...] = ()
 
     @property
     def file(self) -> str:
@@ -71,8 +94,13 @@ class Shot:
 
     @property
     def cues(self) -> list[Row]:
-        """What the people come to; not what they look at."""
-        return [row for person in self.people for row in person[1:] if row.kind != LOOK]
+        """What the people come to; not what they look at or do there."""
+        return [row for person in self.people for row in person[1:] if row.is_come_to]
+
+    @property
+    def done(self) -> list[Row]:
+        """What the people do with things."""
+        return [row for person in self.people for row in person if row.kind in DONE]
 
 
 class BadTable(SystemExit):
@@ -147,13 +175,17 @@ def _row(table: Path, line: int, cells: dict[str, str]) -> Row:
             raise refused(f"{column} is empty: every row names it.")
     if bad := [name for name in (cells["room"], cells["shot"]) if "/" in name or "\\" in name]:
         raise refused(f"“{bad[0]}” becomes a file's name, and / and \\ cannot be in one.")
-    if not person:
+    if kind == THING and (person or cells["step"]):
+        raise refused("a thing is nobody's, and there before anybody comes: leave person and step empty.")
+    if not person and kind != THING:
         raise refused(f"this {kind} is of nobody: every row names its person.")
     step = whole("step")
-    if step is None and kind != START:
+    if step is None and kind not in (START, THING):
         raise refused(f"this {kind} has no step, which says when {person} does it.")
     x, y, object_name = number("x"), number("y"), cells["object"]
-    of_object = {"sit": "to sit on", LOOK: "to look at"}.get(kind)
+    of_object = {"sit": "to sit on", LOOK: "to look at", TAKE: "to take", OPEN: "to open"}.get(kind)
+    if kind in (*WITH_A_HAND, THING) and not object_name:
+        raise refused(f"this {kind} names no object.")
     on_object = of_object and object_name and x is None and y is None
     if (x is None or y is None) and not on_object:
         raise refused(f"this {kind} has no x and y" + (f", and names no object {of_object}." if of_object else "."))
@@ -167,12 +199,21 @@ def _row(table: Path, line: int, cells: dict[str, str]) -> Row:
         raise refused(f"hold_s is {hold:g}: give 0 to 600.")
     if at_frame is not None and not FRAMES[0] <= at_frame <= FRAMES[1]:
         raise refused(f"at_frame is {at_frame}, and the motion begins on frame 1: give {FRAMES[0]} to {FRAMES[1]}.")
-    heading = None if kind in (PASS, LOOK) else number("heading_deg")
+    hand = cells.get(HAND, "")
+    if hand and kind not in WITH_A_HAND:
+        raise refused(f"a {kind} has no hand: only {' and '.join(WITH_A_HAND)} have.")
+    if hand not in ("", *HANDS):
+        raise refused(f"hand is “{hand}”: give {', '.join(HANDS)}, or none.")
+    heading = None if kind in (PASS, LOOK, *WITH_A_HAND) else number("heading_deg")
     places = (x, y, number("z"), heading, hold, at_frame)
-    return Row(line, cells["room"], cells["shot"], person, kind, step or 0, *places, object_name)
+    return Row(line, cells["room"], cells["shot"], person, kind, step or 0, *places, object_name, hand)
 
 
 def _shot(table: Path, rows: list[Row]) -> Shot:
+    things = tuple(row for row in rows if row.kind == THING)
+    rows = [row for row in rows if row.kind != THING]
+    if not rows:
+        raise BadTable(f"{table}, line {things[0].line}: nobody starts in shot {things[0].shot} of {things[0].room}.")
     starts: dict[str, Row] = {}
     for row in rows:
         if row.kind == START and (other := starts.setdefault(row.person, row)) is not row:
@@ -187,15 +228,16 @@ def _shot(table: Path, rows: list[Row]) -> Shot:
         cues = sorted((row for row in rows if row.person == person and row is not start), key=lambda row: row.step)
         _check_order(table, start, cues)
         people.append((start, *cues))
-    return Shot(rows[0].room, rows[0].shot, tuple(people))
+    return Shot(rows[0].room, rows[0].shot, tuple(people), things)
 
 
 def _check_order(table: Path, start: Row, cues: list[Row]) -> None:
     """Whether a person's cues, in order, can be played one after the other."""
-    played = [row for row in cues if row.kind != LOOK]
-    if not played:
+    played = [row for row in cues if row.is_come_to]
+    # What is out of reach is done at a stop of its own.
+    if not played and not any(row.kind in DONE for row in cues):
         raise BadTable(f"{table}, line {start.line}: {start.person} starts and has nowhere to go.")
-    if played[-1].kind == PASS:
+    if played and played[-1].kind == PASS and not any(row.kind in DONE for row in cues[cues.index(played[-1]) :]):
         raise BadTable(f"{table}, line {played[-1].line}: nothing follows this pass; give it a stop or a sit.")
     if cues[0].step < start.step:
         raise BadTable(f"{table}, line {cues[0].line}: step {cues[0].step} of {start.person} comes before the start.")

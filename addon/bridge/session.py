@@ -181,11 +181,6 @@ def read_shot(context: bpy.types.Context) -> tuple[list[Request], list[tuple[str
             f"{len(found)} do: hide the hand cues, or all Start cues but one."
         )
     tasks = [read_task(context, scale, start=person.start) for person in found]
-    if taken := [thing["name"] for task in tasks for thing in task.get("things", [])]:
-        raise SceneError(
-            f"Things are taken ({', '.join(taken)}) where one person starts, and {len(found)} do: hide the Take and "
-            "Put cues, or all Start cues but one."
-        )
     if opened := [leaf["name"] for task in tasks for leaf in task.get("leaves", [])]:
         raise SceneError(
             f"Hands open {', '.join(opened)} where one person starts, and {len(found)} do: hide the Open cues, or all "

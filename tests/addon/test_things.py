@@ -267,3 +267,34 @@ def test_a_real_laptop_is_carried_in_both_hands(oncue, objects, shared_data):
     lid = at(bpy.data.objects["laptop_lid"], int(take.frame_end))
     assert np.linalg.norm(lid[:2, 3] - [-1.8, -0.15]) < 0.25
     assert 0.44 < lid[2, 3] < 0.52
+
+
+def test_one_of_several_people_carries(oncue, room, objects):
+    scene, starts = bpy.context.scene, oncue("bridge.people")
+    scene.cursor.location = (0.5, 2.0, 0.0)
+    assert bpy.ops.oncue.add_person() == {"FINISHED"}
+    ann, ben = bpy.data.objects["Start"], bpy.context.active_object
+    stop = objects.make_cue(bpy.context, "stop", (-1.5, 2.0, 0.0), -math.pi / 2, name="Beyond")
+    stop["oncue_person"], stop["oncue_step"] = ben, 1
+    # Whose cue it is does not change as the thing is selected: the person's who was chosen, or whose cue is selected along.
+    spoon = add_cube("Spoon", (1.62, 0.1, 0.77), (0.03, 0.15, 0.03))
+    for person, chosen in ((ann, "Start"), (ben, ben.name)):
+        assert bpy.ops.oncue.choose_person(start=chosen) == {"FINISHED"}
+        pick(spoon)
+        assert oncue("bridge.shown_cues").worked_on(bpy.context) == person
+    ann.select_set(True)
+    assert bpy.ops.oncue.place_take(hand="left") == {"FINISHED"}
+    take = bpy.data.objects["Take Spoon"]
+    assert take["oncue_person"] == ann
+    bpy.data.objects.remove(take)
+
+    assert bpy.ops.oncue.synthesize() == {"FINISHED"}
+    report = oncue("bridge.session").report_of
+    carried, other = (report(person.character.animation_data.action) for person in starts.cast(bpy.context))
+    assert carried["success"] and other["success"], [*carried["problems"], *other["problems"]]
+    (figures,) = carried["things"]
+    assert figures["put_cm"] < 1.0 and figures["in_others_cm"] == 0.0
+    assert "things" not in other
+    stands = [at(room, frame)[:3, 3] for frame in (11, scene.frame_end)]
+    assert stands[0] == pytest.approx([1.62, -0.2, 0.80], abs=1e-4)
+    assert stands[1] == pytest.approx([-1.8, -0.15, 0.50], abs=0.01)

@@ -185,7 +185,8 @@ class ThingFigures(TypedDict):
     """What became of a thing that was taken. `taken`, `placed`: when the palms had come to it, and it stood again.
 
     `grip_cm`, `turn_degrees`: how far a palm got on it and a hand turned on it while it was carried, at the most.
-    `in_body_cm`: how deep it was in trunk, legs or head; `in_scene_cm`: its box in the scene, while carried.
+    `in_body_cm`: how deep it was in trunk, legs or head; `in_scene_cm`: its box in the scene, while carried;
+    `in_others_cm`: how deep it was in another person, wherever it stood; of one alone it is not there.
     """
 
     thing: str
@@ -199,6 +200,7 @@ class ThingFigures(TypedDict):
     turn_degrees: float
     in_body_cm: float
     in_scene_cm: float
+    in_others_cm: NotRequired[float]
 
 
 class Step(TypedDict):

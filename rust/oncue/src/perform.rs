@@ -116,13 +116,16 @@ pub(crate) fn perform_among(
     let mut stopped = None;
     let mut start = performance.start.clone();
     let mut before = first_key(means, performance, others);
-    // The clock's frame on which the next step begins.
-    let mut begins = 0;
+    // The clock's frame on which the next step begins, and by how many the hands have the person stay longer before it.
+    let (mut begins, mut stays) = (0, 0);
+    let mut clock = Clock::new(performance, settings);
     for (at, step) in performance.steps.iter().enumerate() {
         let is_last = at + 1 == performance.steps.len();
         let hold_seconds = hold_seconds(step, is_last, settings);
         let scene = phases.before(at);
-        let key = next_key(before, step, hold_seconds, phases.differ().then(|| scene.fingerprint()));
+        let stands = phases.differ().then(|| scene.fingerprint());
+        let late = if others.is_empty() { 0 } else { stays };
+        let key = next_key(before, step, hold_seconds, stands, late);
         before = key;
         let known = earlier.iter().filter_map(|e| e.steps.get(at)).find(|known| known.key == key);
         let Step { passes, cue, .. } = step.clone();
@@ -150,8 +153,10 @@ pub(crate) fn perform_among(
             break;
         }
         let next = end_of(&made.motion, &step.cue, performance.start.position.z);
-        begins += made.motion.len() - usize::from(begins > 0);
         let ended = made.end == EpisodeEnd::Complete;
+        if !others.is_empty() {
+            (begins, stays) = clock.after(at, &made);
+        }
         steps.push(PerformedStep { key, start: std::mem::replace(&mut start, next), made, waited });
         if !ended {
             break;
@@ -167,16 +172,43 @@ pub(crate) fn perform_among(
     joined(&timing, means.manifold, performance, phases, steps, stopped, seed)
 }
 
+/// The clock of who plays among others: what is played so far, with the stays that hands ask for.
+struct Clock<'a> {
+    hands: Hands<'a>,
+    /// As [`joined`] will have it, but that who stays for a hand does not move here.
+    motion: Motion,
+    stays: usize,
+}
+
+impl<'a> Clock<'a> {
+    fn new(performance: &'a Performance, settings: &'a Settings) -> Self {
+        Self { hands: Hands::new(performance, settings), motion: Motion::default(), stays: 0 }
+    }
+
+    /// The frame on which the step after this one begins, and how many of them are a longer stay for the hands.
+    fn after(&mut self, at: usize, made: &Synthesis) -> (usize, usize) {
+        let first_frame = self.motion.len().saturating_sub(1) + self.stays;
+        if let (Some(&posture), Some(&contact)) = (self.motion.postures.last(), self.motion.contacts.last()) {
+            self.motion.postures.resize(self.motion.len() + self.stays, posture);
+            self.motion.contacts.resize(self.motion.postures.len(), contact);
+        }
+        append(&mut self.motion, &made.motion);
+        if made.end == EpisodeEnd::Complete {
+            let until = self.hands.begin(at, &self.motion, first_frame + made.moments.complete);
+            self.stays = (until + 1).saturating_sub(self.motion.len());
+        }
+        (self.motion.len() + self.stays, self.stays)
+    }
+}
+
 /// Refuses paths of hands that can be seen not to be followed at a step's cue.
 fn check_hands(step: &Step, task: &Task, others: &[Other]) -> Result<()> {
-    let first = step.things.first().map(ThingCue::name);
-    let Some(first) = step.manipulations.first().map(|cue| cue.name.as_str()).or(first) else {
-        return Ok(());
-    };
-    // Others are waited for and walked around as if nobody stayed longer for a hand.
+    let Some(first) = step.manipulations.first() else { return Ok(()) };
+    // A path has a time of its own, and who lets somebody pass comes later.
     if !others.is_empty() {
         return Err(Error::input(format!(
-            "Hands do what ‘{first}’ asks where one person plays alone; take it away, or the other starts."
+            "A hand follows ‘{}’ where one person plays alone; take it away, or the other starts.",
+            first.name
         )));
     }
     check_manipulations(&Task { manipulations: step.manipulations.clone(), ..task.clone() })
@@ -505,11 +537,23 @@ fn first_key(means: &Means, performance: &Performance, others: &[Other]) -> blak
     key
 }
 
-/// `stands`: of the scene as it stands then, where it does not always stand so.
-fn next_key(before: blake3::Hash, step: &Step, hold_seconds: f32, stands: Option<&str>) -> blake3::Hash {
+/// `stands`: of the scene as it stands then, where it does not always stand so. `late`: by how many frames hands had the person stay
+/// longer before it, while others went on.
+fn next_key(
+    before: blake3::Hash,
+    step: &Step,
+    hold_seconds: f32,
+    stands: Option<&str>,
+    late: usize,
+) -> blake3::Hash {
     // Whenever it is asked for, and whatever hands do there, it is played the same.
     let step = Step { at_seconds: None, manipulations: Vec::new(), things: Vec::new(), ..step.clone() };
-    let step = serde_json::to_vec(&(step, hold_seconds)).unwrap_or_default();
+    let step = if late > 0 {
+        serde_json::to_vec(&(step, hold_seconds, late))
+    } else {
+        serde_json::to_vec(&(step, hold_seconds))
+    };
+    let step = step.unwrap_or_default();
     blake3::hash(&[before.as_bytes(), step.as_slice(), stands.unwrap_or_default().as_bytes()].concat())
 }
 

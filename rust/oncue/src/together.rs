@@ -10,10 +10,12 @@ use crate::controller::StoredPolicy;
 use crate::cue::{ActionCue, Performance};
 use crate::error::{Error, Result};
 use crate::figures::{Other, others_figures};
+use crate::hands::among::{check_owners, in_others};
 use crate::hands::leaf::Phases;
 use crate::library::database::MotionDatabase;
 use crate::manifold::Manifold;
 use crate::math::planar::rotate;
+use crate::motion::Motion;
 use crate::perform::{Means, Performed, check_performance, perform_among};
 use crate::progress::Progress;
 use crate::scene::SceneIndex;
@@ -26,6 +28,8 @@ const ENDS_APART: f32 = 0.45;
 const SEATS_APART: f32 = 0.55;
 /// Before who sits nobody ends on the thighs: so far ahead of the pelvis, and so far to a side, metres.
 const LAP: (f32, f32) = (0.60, 0.30);
+/// Of a thing in others so many touches are told, the deepest.
+const TOUCHES_TOLD: usize = 2;
 /// Who is not made yet stands where they start for so many frames: nobody walks through people who have not set out.
 const SETS_OUT: usize = 150;
 
@@ -91,6 +95,7 @@ pub fn perform_together(
     progress.end_stage();
     let mut made: Vec<Result<Performed>> = made.into_iter().flatten().collect();
     if performances.len() > 1 {
+        tell_of_things(performances, &mut made);
         for (figures, &at) in others_figures(&there).into_iter().zip(&order) {
             let Ok(one) = &mut made[at] else { continue };
             one.report.problems.extend(figures.problems());
@@ -100,6 +105,45 @@ pub fn perform_together(
         }
     }
     Ok(made)
+}
+
+/// Has both told where a thing of one is in the other.
+fn tell_of_things(performances: &[Performance], made: &mut [Result<Performed>]) {
+    let frames = made.iter().flatten().map(|one| one.motion.len()).max().unwrap_or(0);
+    let mut told: Vec<(usize, String)> = Vec::new();
+    for (at, performance) in performances.iter().enumerate() {
+        let others: Vec<usize> =
+            (0..made.len()).filter(|&other| other != at && made[other].is_ok()).collect();
+        for thing in &performance.things {
+            let motions: Vec<&Motion> =
+                others.iter().filter_map(|&other| Some(&made[other].as_ref().ok()?.motion)).collect();
+            let carried = made[at].as_ref().map_or(&[][..], |one| &one.carried);
+            let touches = in_others(thing, carried, &motions, frames);
+            for touch in touches.iter().take(TOUCHES_TOLD) {
+                let (other, part) = (others[touch.key.0], touch.key.1);
+                let said = format!(
+                    "‘{}’ of ‘{}’ is {:.0} cm deep in the {} of ‘{}’ (frames {} to {}); have it carried or put down elsewhere.",
+                    thing.name,
+                    performance.start.name,
+                    100.0 * touch.worst,
+                    part.in_words(),
+                    performances[other].start.name,
+                    touch.first,
+                    touch.end - 1
+                );
+                told.extend([(at, said.clone()), (other, said)]);
+            }
+            let Ok(one) = &mut made[at] else { continue };
+            for figures in one.report.things.iter_mut().filter(|figures| figures.thing == thing.name) {
+                figures.in_others_cm = Some(touches.first().map_or(0.0, |touch| 100.0 * touch.worst));
+            }
+        }
+    }
+    for (at, said) in told {
+        if let Ok(one) = &mut made[at] {
+            one.report.problems.push(said);
+        }
+    }
 }
 
 /// Another person's seed, by where they start: it stays when somebody joins.
@@ -146,6 +190,7 @@ pub(crate) fn check_people(performances: &[Performance]) -> Result<()> {
             )));
         }
     }
+    check_owners(performances)?;
     for (at, one) in performances.iter().enumerate() {
         for other in &performances[..at] {
             check_pair(other, one)?;

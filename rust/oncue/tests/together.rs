@@ -14,7 +14,7 @@ use oncue::library::starter;
 use oncue::scene::SceneIndex;
 use oncue::{
     ActionCue, ActionType, Error, Hand, InitialState, ManipulationCue, Motion, MotionDatabase, Performance,
-    Performed, Progress, Settings, Step, perform, perform_together,
+    Performed, Progress, PutCue, Settings, Step, TakeCue, Thing, ThingCue, perform, perform_together,
 };
 
 use common::boxes::boxes;
@@ -28,6 +28,8 @@ fn main() -> ExitCode {
         always("who_sits_for_good_is_walked_round", who_sits_for_good_is_walked_round),
         always("who_waits_stands_and_lives", who_waits_stands_and_lives),
         always("one_alone_is_as_before", one_alone_is_as_before),
+        always("a_thing_in_somebody_else_is_told_of_both", a_thing_in_somebody_else_is_told_of_both),
+        always("who_takes_something_goes_on_later", who_takes_something_goes_on_later),
         always("what_fails_loses_nobody_else_and_is_told", what_fails_loses_nobody_else_and_is_told),
         always("who_cannot_but_meet_somebody_is_told_of_it", who_cannot_but_meet_somebody_is_told_of_it),
         always("what_was_made_before_is_taken_from_it", what_was_made_before_is_taken_from_it),
@@ -300,10 +302,69 @@ fn what_does_not_fit_is_said_before_anything_is_played() {
     let nobodys = Performance { steps: Vec::new(), ..walk("Ben", [2.0, 0.0], [1.0, 0.0]) };
     let nobodys = said(&[walk("Ann", [-2.0, 0.0], [-1.0, 0.0]), nobodys]);
     assert!(nobodys.contains("‘Ben’ has no cue"), "{nobodys}");
+    let carries = |name, y: f32| carrier(name, [-2.5, y], [0.0, y], [1.5, y], [2.0, y, 0.8]);
+    let both = said(&[carries("Ann", -1.0), carries("Ben", 1.0)]);
+    assert!(both.contains("‘Ann’ and ‘Ben’ both take ‘Box’"), "{both}");
     let mut floats = sitter("Ben", [2.0, -1.5], 0.35);
     floats.steps[0].cue.position.z = 1.3;
     let floats = said(&[walk("Ann", [-2.0, 0.0], [-1.0, 0.0]), floats]);
     assert!(floats.contains("Ben: ") && floats.contains("‘Ben's seat’ floats"), "{floats}");
+}
+
+/// Takes a box of 20 cm on the way, and puts it down at a place ahead of where the way ends.
+fn carrier(name: &str, from: [f32; 2], by: [f32; 2], to: [f32; 2], put: [f32; 3]) -> Performance {
+    let (low, high) = (Vec3::new(-0.10, -0.10, 0.0), Vec3::new(0.10, 0.10, 0.20));
+    let mut carries = walk(name, from, by);
+    let at = Vec3::new(by[0] + 0.45, by[1], 0.80);
+    carries.things =
+        vec![Thing { name: "Box".into(), position: at, rotation: [1.0, 0.0, 0.0, 0.0], low, high }];
+    carries.steps[0].cue.yaw = std::f32::consts::FRAC_PI_2;
+    let thing = "Box".to_owned();
+    carries.steps[0].things = vec![ThingCue::Take(TakeCue {
+        name: "Take".into(),
+        thing: thing.clone(),
+        hand: Hand::Right,
+        grip: 0.5 * (low + high),
+    })];
+    let mut goes = walk(name, by, to).steps.remove(0);
+    goes.things = vec![ThingCue::Put(PutCue { name: "Put".into(), thing, position: put.into(), yaw: None })];
+    carries.steps.push(goes);
+    carries
+}
+
+fn a_thing_in_somebody_else_is_told_of_both() {
+    let ben = walk("Ben", [2.5, 1.2], [0.0, 1.2]);
+    let carries = |put| carrier("Ann", [-2.5, -1.0], [0.0, -1.0], [0.0, 0.5], put);
+    // Beside Ben: nobody is in it.
+    let made = play(hall(), &[carries([0.45, 0.75, 0.9]), ben.clone()]);
+    let [ann, _] = &made[..] else { panic!("two people") };
+    let figures = &ann.report.things[0];
+    assert!(ann.report.success && figures.in_others_cm == Some(0.0), "{:?}", ann.report.problems);
+    assert!(figures.put_cm.is_some_and(|cm| cm < 1.0), "{figures:?}");
+    // Where Ben stands: half of the box is in the trunk, for as long as both stay.
+    let made = play(hall(), &[carries([0.0, 1.05, 0.95]), ben]);
+    let [ann, other] = &made[..] else { panic!("two people") };
+    assert!(ann.report.things[0].in_others_cm.is_some_and(|cm| cm > 5.0), "{:?}", ann.report.things);
+    for one in [ann, other] {
+        let said = one.report.problems.join(" ");
+        assert!(!one.report.success && said.contains("‘Box’ of ‘Ann’ is "), "{said}");
+        assert!(said.contains(" cm deep in the ") && said.contains(" of ‘Ben’ (frames "), "{said}");
+    }
+}
+
+/// While a hand takes something others go on: who would have had to let Ben pass finds the way free.
+fn who_takes_something_goes_on_later() {
+    let mut ben = walk("Ben", [-3.3, 0.3], [-1.6, 0.3]);
+    ben.steps.extend(walk("Ben", [-1.6, 0.3], [3.0, 0.3]).steps);
+    let mut ann = carrier("Ann", [0.1, -1.8], [0.0, -1.0], [0.0, 2.0], [0.5, 2.4, 0.6]);
+    let made = play(hall(), &[ben.clone(), ann.clone()]);
+    all_succeed(&made);
+    assert_eq!(made[1].report.steps[1].waited, 0);
+    ann.things.clear();
+    ann.steps.iter_mut().for_each(|step| step.things.clear());
+    let made = play(hall(), &[ben, ann]);
+    all_succeed(&made);
+    assert!(made[1].report.steps[1].waited > 0);
 }
 
 /// Two people in a room that was scanned: from the starts and to the seats of two of its tasks.

@@ -21,6 +21,7 @@ pub use own_body::{OwnBodyFigures, OwnTouch};
 pub use pose_distance::{FarPose, PoseDistanceFigures, PosedPart, pose_distance_figures};
 pub use scene_depth::{SceneDepthFigures, SceneTouch};
 pub(crate) use scene_depth::{depth_in_scene, in_scene};
+pub(crate) use spans::{Span, Spans};
 pub use style::{
     DescentStyle, RisingStyle, SeatedStyle, StartStyle, Style, StyleFigures, StyleValues, WalkingStyle,
     WayStyle,

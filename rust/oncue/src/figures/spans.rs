@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 /// Frames `first..end` in which `key` went on, and the worst of them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Span<K, V> {
+pub(crate) struct Span<K, V> {
     pub key: K,
     pub first: usize,
     pub end: usize,
@@ -16,7 +16,7 @@ pub(super) struct Span<K, V> {
 
 /// Runs of frames, in the order in which they began.
 #[derive(Debug, Clone)]
-pub(super) struct Spans<K, V> {
+pub(crate) struct Spans<K, V> {
     runs: Vec<Span<K, V>>,
     last: BTreeMap<K, usize>,
 }
@@ -29,7 +29,7 @@ impl<K, V> Default for Spans<K, V> {
 
 impl<K: Copy + Ord, V: Copy> Spans<K, V> {
     /// `key` goes on in `frame`, so much. Frames come in ascending order; a key may come more than once a frame.
-    pub(super) fn add(&mut self, frame: usize, key: K, amount: f32, with: V) {
+    pub(crate) fn add(&mut self, frame: usize, key: K, amount: f32, with: V) {
         let open = self.last.get(&key).and_then(|&run| self.runs.get_mut(run));
         match open.filter(|run| run.end >= frame) {
             Some(run) => {
@@ -48,7 +48,7 @@ impl<K: Copy + Ord, V: Copy> Spans<K, V> {
     }
 
     /// The runs, the worst first.
-    pub(super) fn worst_first(mut self) -> Vec<Span<K, V>> {
+    pub(crate) fn worst_first(mut self) -> Vec<Span<K, V>> {
         self.runs.sort_by(|a, b| b.worst.total_cmp(&a.worst));
         self.runs
     }

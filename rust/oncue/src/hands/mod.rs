@@ -2,8 +2,10 @@
 //!
 //! A step is played as if its hands had nothing to do, and the person stays at its cue for as long as they need. So what hands do
 //! changes nothing of how a step is played nor of what the next goes on from, and no seam lies in a reach. `things` is what can be taken,
-//! `carry` how it is taken, carried and put down; `leaf` is what can be opened, and the scene as it stands then, `open` how it is opened.
+//! `carry` how it is taken, carried and put down; `leaf` is what can be opened, and the scene as it stands then, `open` how it is opened. `among`: the things
+//! of one among others.
 
+pub(crate) mod among;
 mod carry;
 pub(crate) mod leaf;
 mod open;
@@ -93,6 +95,9 @@ pub struct ThingFigures {
     pub in_body_cm: f32,
     /// How deep its box is in the scene at the most while it is carried, cm; 0 where it is nowhere.
     pub in_scene_cm: f32,
+    /// How deep it is in another person of the shot at the most, wherever it stands or is carried, cm; none for one alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub in_others_cm: Option<f32>,
 }
 
 /// What hands did.
@@ -550,6 +555,7 @@ impl Done {
             turn_degrees: held.turns(motion, carry.carried(), last).to_degrees(),
             in_body_cm: deepest.map_or(0.0, |deep| 100.0 * deep.1),
             in_scene_cm: 100.0 * in_scene,
+            in_others_cm: None,
         });
     }
 }
