@@ -527,7 +527,6 @@ def _place_thing(
     cue[THING_KEY], cue[STEP_KEY] = thing, len(ordered) + 1
     if person is not None:
         cue[PERSON_KEY] = person
-    _select(context, cue)
     return cue
 
 

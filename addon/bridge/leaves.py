@@ -40,6 +40,8 @@ CLEAR, HEIGHTS = 0.24, (0.25, 0.60, 0.95, 1.30)
 LOOKS, HANDY, LEADS_COUNT = 16, 0.50, 0.6
 #: What it counts to stand behind what one pulls, by metres.
 BEHIND_COUNTS = 0.5
+#: What is taller than this as it stands, metres, turns about no level line: its origin is on the floor, as a cupboard's.
+TALL = 1.0
 #: A hinge is upright within this of the vertical: its cosine.
 UPRIGHT = 0.7
 
@@ -217,6 +219,8 @@ def _edge(leaf: Leaf) -> int | None:
     found = []
     for axis in (k for k in range(3) if k != thinnest):
         (other,) = (k for k in range(3) if k not in (axis, thinnest))
+        if abs(leaf.axis(other).z) > UPRIGHT and size[other] > TALL:
+            continue
         near = min(abs(leaf.low[other]), abs(leaf.high[other]))
         if near <= AT_THE_EDGE * size[other]:
             found.append(axis)

@@ -75,6 +75,30 @@ def test_which_way_a_door_opens_and_where_to_stand_is_found(oncue, door):
     assert not {"Door", "Handle"} & set(request.names)
 
 
+def test_a_door_whose_origin_is_on_the_floor_is_no_drawbridge(oncue, objects):
+    """As of models whose parts all have their origin in the middle of the floor under them."""
+    add_floor(4.0)
+    leaf = hung("Door", (-0.45, 0.0, 0.01), (0.45, 0.04, 2.05), (0.0, 0.02, 0.0))
+    objects.make_cue(bpy.context, "start", (0.8, -2.6, 0), 2.8)
+    pick(leaf)
+    with pytest.raises(RuntimeError, match="it is unknown about which line: set its origin at the hinge"):
+        bpy.ops.oncue.place_open(hand="left")
+    # An empty at the hinge, on which it hangs, says it.
+    hinge = bpy.data.objects.new("Hinge", None)
+    hinge.location = (*HINGE, 0.0)
+    bpy.context.scene.collection.objects.link(hinge)
+    bpy.context.view_layer.update()
+    objects.hang_on(bpy.context, leaf, hinge)
+    assert bpy.ops.oncue.place_open(hand="left") == {"FINISHED"}
+    cue = bpy.data.objects["Open Door"]
+    assert (cue["oncue_axis"], cue["oncue_amount"], cue["oncue_thing"]) == ("Z", -90.0, hinge)
+    # A flap of an oven's size turns about its lower edge all the same.
+    flap = hung("Flap", (1.0, 1.0, 0.3), (1.6, 1.03, 0.7), (1.3, 1.015, 0.3))
+    pick(flap)
+    assert bpy.ops.oncue.place_open(hand="right") == {"FINISHED"}
+    assert bpy.data.objects["Open Flap"]["oncue_axis"] == "X"
+
+
 def test_a_door_is_opened_by_the_hand_and_walked_through(oncue, door):
     session, before = oncue("bridge.session"), at(door, 11)
     assert bpy.ops.oncue.synthesize() == {"FINISHED"}
