@@ -25,16 +25,16 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "blend_fixtures"))
 
-from shots import COLUMNS, ENDS, Row, Shot, read_shots  # noqa: E402
+from shots import COLUMNS, ENDS, OPEN, PUT, Row, Shot, read_shots  # noqa: E402
 
 ROOMS = Path(os.environ.get("ONCUE_SHARED", ROOT.parent / "shared")) / "data" / "rooms"
 TABLE = ROOT / "blend_fixtures" / "shots.tsv"
 #: Exit statuses of batch.py with a motion: all is well, or something is not.
 WRITTEN = (0, 3)
-#: What counts as met: of a stop and a sit centimetres and degrees, of a pass centimetres.
-NEAR_CM, TURNED, PASSED_CM = 1.0, 3.0, 15.0
+#: What counts as met: of a stop and a sit centimetres and degrees, of a pass centimetres, of what hands do centimetres.
+NEAR_CM, TURNED, PASSED_CM, HELD_CM = 1.0, 3.0, 15.0, 1.0
 #: The shots that are drawn, and how wide.
-DRAWN, DRAWN_WIDTH = ("quest_living_room-greeting", "sh3d_Studio-morning", "sh3d_3BedroomApartment-hall"), 1600
+DRAWN, DRAWN_WIDTH = ("quest_living_room-greeting", "sh3d_Studio-laptop", "sh3d_2BedroomApartment-door"), 1600
 #: The video's shot, its size, every which frame, and the most that it may take, bytes.
 FILMED, VIDEO_SIZE, VIDEO_STEP, VIDEO_BYTES = "quest_living_room-greeting", (360, 270), 6, 1_500_000
 
@@ -67,10 +67,27 @@ class Played:
             return cue["pelvis_cm"] <= PASSED_CM
         return cue["pelvis_cm"] <= NEAR_CM and abs(cue["facing_degrees"]) <= TURNED
 
+    def held_cm(self, row: Row) -> float | None:
+        """How far a palm gets from where it grips or leads something, or a thing stands from where it was put."""
+        things = [thing for one in self.people for thing in one.get("things", [])]
+        if row.kind == OPEN:
+            found = [
+                leaf["handle_cm"] for one in self.people for leaf in one.get("opened", []) if leaf["open"] == row.name
+            ]
+        elif row.kind == PUT:
+            found = [thing["put_cm"] for thing in things if thing["put"] == row.name]
+        else:
+            found = [thing["grip_cm"] for thing in things if thing["take"] == row.name]
+        return found[0] if found else None
+
+    def is_done(self, row: Row) -> bool:
+        off = self.held_cm(row)
+        return off is not None and off <= HELD_CM
+
     @property
     def missed(self) -> list[str]:
         """Each cue that was not met, and by how much."""
-        said = []
+        said = [f"{row.name} (not done)" for row in self.shot.done if not self.is_done(row)]
         for row in (row for row in self.shot.cues if not self.is_met(row)):
             cue = self.cues.get(row.name)
             by = f"{cue['pelvis_cm']:.1f} cm, {cue['facing_degrees']:.1f}°" if cue else "not played"
@@ -155,8 +172,8 @@ def write_alone(shots: list[Shot], path: Path) -> Path:
     """A table with one shot a room: the first person's start of its first shot, and the first cue where they stay."""
     lines = ["\t".join(COLUMNS)]
     for room in dict.fromkeys(shot.room for shot in shots):
-        start, *cues = next(shot for shot in shots if shot.room == room).people[0]
-        cue = next(row for row in cues if row.kind in ENDS)
+        people = (person for shot in shots if shot.room == room for person in shot.people)
+        start, cue = next((rows[0], row) for rows in people for row in rows if row.kind in ENDS)
         for row, step in ((start, 0), (cue, 1)):
             numbers = [row.x, row.y, row.z, row.heading, row.hold]
             cells = ["" if number is None else f"{number:g}" for number in numbers]
@@ -225,22 +242,25 @@ def shown(number: float | None, digits: int = 1) -> str:
 
 
 HEADINGS = (
-    *("shot", "people", "cues met", "sit, stop: cm", "°", "pass: cm", "in scene %", "deepest cm", "in itself %"),
+    *("shot", "people", "cues met", "sit, stop: cm", "°", "pass: cm", "hand: cm", "in scene %", "deepest cm"),
+    *("in itself %",),
     *("in others %", "lasts s", "made in s", "what is wrong"),
 )
 
 
 def cells(one: Played) -> list[str]:
-    met = sum(one.is_met(row) for row in one.shot.cues)
+    met = sum(map(one.is_met, one.shot.cues)) + sum(map(one.is_done, one.shot.done))
+    held = [off for row in one.shot.done if (off := one.held_cm(row)) is not None]
     # What was missed is told by the page's own measure, all else by the report's.
     said = [*(f"missed: {name}" for name in one.missed), *one.problems]
     return [
         one.shot.file.replace("sh3d_", "").replace("quest_", ""),
         str(len(one.shot.people)),
-        f"{met} of {len(one.shot.cues)}",
+        f"{met} of {len(one.shot.cues) + len(one.shot.done)}",
         shown(one.worst(ENDS, "pelvis_cm")),
         shown(one.worst(ENDS, "facing_degrees")),
         shown(one.worst(("pass",), "pelvis_cm")),
+        shown(max(held, default=None), 2),
         shown(one.percent("body", "scene", "over_1_cm_percent"), 2),
         shown(one.deepest_cm),
         shown(one.percent("body", "own_body", "percent"), 2),
@@ -256,7 +276,9 @@ def page(played: list[Played], asked: int, beside: dict[str, Played], seed: str)
     cues = [(one, row) for one in played for row in one.shot.cues]
     ends = [one.is_met(row) for one, row in cues if row.kind in ENDS]
     passes = [one.is_met(row) for one, row in cues if row.kind not in ENDS]
+    hands = [one.is_done(row) for one in played for row in one.shot.done]
     several = [one for one in played if len(one.shot.people) > 1]
+    with_things = [one for one in played if one.shot.done]
     fine = [one for one in played if one.report and one.report["success"] and not one.missed]
     today = datetime.date.today().isoformat()
     # What else the machine does shows in the seconds.
@@ -270,15 +292,18 @@ def page(played: list[Played], asked: int, beside: dict[str, Played], seed: str)
         f"{made} Made by `python3 -m nox -s shots`: the shots of `blend_fixtures/shots.tsv` in the rooms of "
         "`../shared/data/rooms`, each through `batch.py` in a Blender of its own, with nothing kept from before.",
         "",
-        f"{len(played)} of {asked} shots, {len(several)} of them of two or three people: {sum(ends)} of {len(ends)} "
-        f"sits and stops are met within {NEAR_CM:.0f} cm and {TURNED:.0f}°, {sum(passes)} of {len(passes)} waypoints "
-        f"within {PASSED_CM:.0f} cm; in {len(fine)} shots every cue is met and nothing else is wrong.",
+        f"{len(played)} of {asked} shots, {len(several)} of them of two or three people, {len(with_things)} with "
+        f"things that are carried or opened: {sum(ends)} of {len(ends)} sits and stops are met within {NEAR_CM:.0f} cm "
+        f"and {TURNED:.0f}°, {sum(passes)} of {len(passes)} waypoints within {PASSED_CM:.0f} cm, {sum(hands)} of "
+        f"{len(hands)} times a thing is taken, put down or opened within {HELD_CM:.0f} cm; in {len(fine)} shots every "
+        "cue is met and nothing else is wrong.",
         "",
         f"![{FILMED}](pictures/shots.webp)",
         "",
-        "*cm* and *°* are those of the worst cue. *In scene*, *in itself*, *in others*: frames with a limb deeper than",
-        "1 cm there, the mean over the people; *deepest*: in the scene. *Made in*: the whole command, with Blender's",
-        "start and the library.",
+        "*cm* and *°* are those of the worst cue; *hand*: how far a palm gets from where it grips or leads something,",
+        "or a thing stands from where it was to be put. *In scene*, *in itself*, *in others*: frames with a limb",
+        "deeper than 1 cm there, the mean over the people; *deepest*: in the scene. *Made in*: the whole command, with",
+        "Blender's start and the library.",
         "",
         "| " + " | ".join(HEADINGS) + " |",
         "|" + "---|" * len(HEADINGS),

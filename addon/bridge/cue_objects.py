@@ -47,7 +47,7 @@ from .shown_cues import (
     visible_cues,
     worked_on,
 )
-from .stand_finder import REACHES, WITHIN_REACH, stand_before
+from .stand_finder import REACHES, stand_before, stands_before
 from .things import read_thing, thing_of
 from .what_counts import is_shown, things_of
 
@@ -495,7 +495,7 @@ def _stand_for(
     before = [one for one in ordered_cues(context, worked_on(context)) if one != cue]
     there = [one for one in before if one[CUE_KEY] in ENDS]
     place, unit = cue.matrix_world.translation, 1.0 / metres_per_unit
-    if there and (there[-1].matrix_world.translation - place).xy.length <= WITHIN_REACH * unit:
+    if there and stands_before(there[-1].matrix_world, place, unit):
         return
     starts = [worked_on(context)] if worked_on(context) else visible_cues(context, "start")
     standing = _who_stands(context, cue)

@@ -40,7 +40,7 @@ CLEAR, HEIGHTS = 0.24, (0.25, 0.60, 0.95, 1.30)
 LOOKS, HANDY, LEADS_COUNT = 16, 0.50, 0.6
 #: What it counts to stand behind what one pulls, by metres.
 BEHIND_COUNTS = 0.5
-#: What is taller than this as it stands, metres, turns about no level line: its origin is on the floor, as a cupboard's.
+#: What stands taller than this, metres, turns about no level line: its origin is on the floor, as a cupboard's.
 TALL = 1.0
 #: A hinge is upright within this of the vertical: its cosine.
 UPRIGHT = 0.7

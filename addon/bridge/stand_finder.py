@@ -8,14 +8,15 @@ import math
 from collections.abc import Callable
 
 import bpy
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from .what_counts import Furniture, furniture_on_ray
 
 #: A hand reaches well so far from the pelvis, as seen from above, metres; the first is best.
 REACHES = (0.45, 0.40, 0.50, 0.56, 0.62)
-#: Who is as near as this to what is reached for, as seen from above, stands there already, metres.
-WITHIN_REACH = 0.75
+#: Who is as near as this to what is reached for, as seen from above, metres, and has it no farther to a side, the
+#: cosine, stands there already; and whoever has it this near, metres.
+WITHIN_REACH, AHEAD, AT_HAND = 0.75, 0.25, 0.30
 #: Places on a ring, and how much an angle of a half turn counts against metres of a worse distance.
 PLACES, TURN_COUNTS = 24, 0.35
 #: A body, and knees that bend, are free where nothing is nearer than this at these heights over the floor, metres.
@@ -29,6 +30,14 @@ AROUND = 12
 #: Ways are looked for over squares of this size, metres, with nothing over the floor in one, nor between two at these
 #: heights; to within this of where one comes from, and over no more squares than this.
 SQUARE, BETWEEN, CAME, SQUARES = 0.15, (0.30, 1.10), 0.60, 6000
+
+
+def stands_before(stand: Matrix, place: Vector, unit: float) -> bool:
+    """Whether who is at a stop or sit cue has a place before them and within reach. `unit`: a metre in scene units."""
+    way = Vector((place - stand.translation).xy)
+    ahead = Vector((stand.to_3x3() @ Vector((0.0, -1.0, 0.0))).xy).normalized()
+    is_ahead = way.length <= AT_HAND * unit or way.dot(ahead) >= AHEAD * way.length
+    return way.length <= WITHIN_REACH * unit and is_ahead
 
 
 def stand_before(
