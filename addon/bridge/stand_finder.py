@@ -99,10 +99,16 @@ def _is_reached(context: bpy.types.Context, furniture: Furniture, spot: Vector, 
         begins = [middle(square) + Vector((0.0, 0.0, height * unit)) for height in BETWEEN]
         return any(furniture_on_ray(context, furniture, begin, way, size) for begin in begins)
 
+    def is_behind(square: tuple[int, int]) -> bool:
+        """Whether a wall is between it and where one comes from, which may be a seat."""
+        way = Vector((come_from - middle(square)).xy).to_3d()
+        begin = middle(square) + Vector((0.0, 0.0, BETWEEN[-1] * unit))
+        return way.length > 0.0 and bool(furniture_on_ray(context, furniture, begin, way.normalized(), way.length))
+
     seen, queue = {(0, 0)}, [(0.0, 0.0, (0, 0))]
     while queue and len(seen) < SQUARES:
         _, gone, at = heapq.heappop(queue)
-        if (middle(at) - come_from).xy.length <= CAME * unit:
+        if (middle(at) - come_from).xy.length <= CAME * unit and not is_behind(at):
             return True
         for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1)):
             to = at[0] + x, at[1] + y

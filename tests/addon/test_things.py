@@ -300,3 +300,53 @@ def test_one_of_several_people_carries(oncue, room, objects):
     stands = [at(room, frame)[:3, 3] for frame in (11, scene.frame_end)]
     assert stands[0] == pytest.approx([1.62, -0.2, 0.80], abs=1e-4)
     assert stands[1] == pytest.approx([-1.8, -0.15, 0.50], abs=0.01)
+
+
+def stand_for(objects, thing):
+    """Where the stop cue is placed that has a thing within reach."""
+    pick(thing)
+    assert bpy.ops.oncue.place_take(hand="right") == {"FINISHED"}
+    return bpy.data.objects["Stop"].matrix_world.translation
+
+
+def test_nobody_is_placed_in_a_table_top(objects):
+    """Legs and what stands on it are far from its edge: it is thinner than what looks about sees."""
+    add_floor()
+    add_cube("Top", (1.85, -0.2, 0.735), (0.7, 1.6, 0.03))
+    objects.make_cue(bpy.context, "start", (-1.0, -0.2, 0), math.pi / 2)
+    stand = stand_for(objects, add_cube("Cup", (1.72, -0.2, 0.80), (0.08, 0.08, 0.10)))
+    assert stand.x < 1.5 - 0.2
+    assert (stand.xy - bpy.data.objects["Take Cup"].matrix_world.translation.xy).length < 0.63
+
+
+def test_nobody_is_placed_where_no_way_leads(objects):
+    """A cup on a sill between two rooms: this side of the wall, whichever is nearer, and a closed one not at all."""
+    add_floor()
+    add_cube("Wall", (1.0, 0.0, 1.25), (0.1, 20.0, 2.5))
+    objects.make_cue(bpy.context, "start", (-1.0, 0.0, 0), math.pi / 2)
+    stand = stand_for(objects, add_cube("Cup", (1.12, 0.0, 0.80), (0.08, 0.08, 0.10)))
+    assert stand.x < 0.9
+    pick(add_cube("Beyond", (2.5, 0.0, 0.80), (0.08, 0.08, 0.10)))
+    with pytest.raises(RuntimeError, match="Nobody can stand within reach of Take Beyond"):
+        bpy.ops.oncue.place_take(hand="left")
+    # With a door in the wall there is a way.
+    wall = bpy.data.objects["Wall"]
+    wall.scale.y *= 0.2
+    bpy.context.view_layer.update()
+    pick(bpy.data.objects["Beyond"])
+    assert bpy.ops.oncue.place_take(hand="left") == {"FINISHED"}
+
+
+def test_who_has_it_behind_them_turns_first(oncue, objects):
+    add_floor()
+    objects.make_cue(bpy.context, "start", (-2.0, 0.0, 0), math.pi / 2)
+    stop = objects.make_cue(bpy.context, "stop", (0.0, 0.0, 0), math.pi / 2, name="Here")
+    stop["oncue_step"] = 1
+    ahead, behind = (
+        add_cube(name, (x, 0.1, 0.9), (0.08, 0.08, 0.10)) for name, x in (("Ahead", 0.5), ("Behind", -0.5))
+    )
+    for thing, hand in ((ahead, "left"), (behind, "right")):
+        pick(thing)
+        assert bpy.ops.oncue.place_take(hand=hand) == {"FINISHED"}
+    order = [cue.name for cue in oncue("bridge.shown_cues").ordered_cues(bpy.context)]
+    assert order == ["Here", "Take Ahead", "Stop", "Take Behind"]
