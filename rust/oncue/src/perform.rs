@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use crate::controller::{EpisodeEnd, StoredPolicy};
-use crate::cue::{ActionCue, BodyState, InitialState, LookCue, Moments, Performance, Step, Task, ThingCue};
+use crate::cue::{ActionCue, BodyState, InitialState, LookCue, Moments, Performance, Step, Task};
 use crate::editor::check_manipulations;
 use crate::error::{Error, Result};
 use crate::figures::{Company, Other, StyleValues, Surroundings};
