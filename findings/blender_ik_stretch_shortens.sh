@@ -5,8 +5,8 @@
 # that stretch is for targets beyond reach, as in other programs. With the target 5 to 60 cm nearer than the limb is long, where
 # bending alone gets there, both bones come out 1 to 4 % shorter than they are at rest; the tip is on the target to 0.2 mm either way.
 # With the constraint's use_stretch off, or ik_stretch at 0, no bone changes its length at any distance.
-# So a knee or an elbow that was placed by the bones' own lengths is up to 2 cm from where the solver puts it. Oncue's IK controls of
-# Rigify rigs (addon/bridge/rigify_ik.py) write to limbs whose stretch the rig leaves on.
+# So a knee or an elbow that was placed by the bones' own lengths is up to 2 cm from where the solver puts it. On Rigify rigs Oncue
+# keys that constraint not to stretch (addon/bridge/rigify_ik.py).
 # Seen on 2026-12-01; the same in 4.2.23 and 5.2.3.
 # Needs Python 3.11 and fetches Blender's Python module (375 MB). Fails when the behaviour changes.
 set -euo pipefail
