@@ -469,8 +469,8 @@ def test(session: nox.Session) -> None:
         # The same core outside the archive, in place of one that `demo` may have left there.
         python = blender_environment(session, blender, wheel)
         session.log(f"Blender {blender.version}")
-        # In one process with all the others Blender 4.2.23 has crashed as a test of the last part deletes a scene, and as the
-        # file of one test gives way to that of the next.
+        # In one process Blender 4.2.23 has crashed: as a test of the last part deletes a scene, and as the file of one
+        # test gives way to that of the next.
         alone = "tests/addon/test_what_is_said.py"
         files = sorted(str(file.relative_to(ROOT)) for file in (ROOT / "tests" / "addon").glob("test_*.py"))
         others = [file for file in files if file != alone]
