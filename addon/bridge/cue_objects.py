@@ -589,9 +589,10 @@ def select_cue(context: bpy.types.Context, name: str) -> None:
 
 def _select(context: bpy.types.Context, cue: bpy.types.Object) -> None:
     starts = several_starts(context)
-    if starts and context.scene.is_editable:
+    person = cue if cue in starts else person_of(context, cue, starts) if starts else None
+    if person is not None and context.scene.is_editable:
         # Whom the artist goes on working on once a thing, or nothing, is selected.
-        context.scene[PERSON_KEY] = cue if cue in starts else person_of(context, cue, starts)
+        context.scene[PERSON_KEY] = person
     if context.mode != "OBJECT":
         return
     for other in things_of(context.view_layer):

@@ -284,6 +284,11 @@ def test_one_of_several_people_carries(oncue, room, objects):
         assert oncue("bridge.shown_cues").worked_on(bpy.context) == person
     ann.select_set(True)
     assert bpy.ops.oncue.place_take(hand="left") == {"FINISHED"}
+    # A cue of nobody is selected as any other, and says nothing of whom one works on.
+    nobodys = objects.make_cue(bpy.context, "stop", (2.0, 2.0, 0.0), 0.0, name="Nobody's")
+    assert bpy.ops.oncue.select_cue(cue=nobodys.name) == {"FINISHED"}
+    assert scene["oncue_person"] == ann
+    bpy.data.objects.remove(nobodys)
     take = bpy.data.objects["Take Spoon"]
     assert take["oncue_person"] == ann
     bpy.data.objects.remove(take)

@@ -124,8 +124,7 @@ pub(crate) fn perform_among(
         let hold_seconds = hold_seconds(step, is_last, settings);
         let scene = phases.before(at);
         let stands = phases.differ().then(|| scene.fingerprint());
-        let late = if others.is_empty() { 0 } else { stays };
-        let key = next_key(before, step, hold_seconds, stands, late);
+        let key = next_key(before, step, hold_seconds, stands, stays);
         before = key;
         let known = earlier.iter().filter_map(|e| e.steps.get(at)).find(|known| known.key == key);
         let Step { passes, cue, .. } = step.clone();
@@ -548,12 +547,7 @@ fn next_key(
 ) -> blake3::Hash {
     // Whenever it is asked for, and whatever hands do there, it is played the same.
     let step = Step { at_seconds: None, manipulations: Vec::new(), things: Vec::new(), ..step.clone() };
-    let step = if late > 0 {
-        serde_json::to_vec(&(step, hold_seconds, late))
-    } else {
-        serde_json::to_vec(&(step, hold_seconds))
-    };
-    let step = step.unwrap_or_default();
+    let step = serde_json::to_vec(&(step, hold_seconds, late)).unwrap_or_default();
     blake3::hash(&[before.as_bytes(), step.as_slice(), stands.unwrap_or_default().as_bytes()].concat())
 }
 
